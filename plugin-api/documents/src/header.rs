@@ -1,0 +1,471 @@
+//! What an object is: kind, columns with types and units, voxel sizes, metadata.
+
+use crate::Map;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use std::fmt;
+
+/// The five kinds of object.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Kind {
+    /// Columns of equal length; a row is usually a localisation.
+    Table,
+    /// A regular grid, axes t c z y x, x fastest.
+    Image,
+    /// Triangles: part 0 the vertices, part 1 the triangles.
+    Mesh,
+    /// A plot as a document whose series name columns.
+    Figure,
+    /// Named values with units and intervals.
+    Report,
+}
+
+impl fmt::Display for Kind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Kind::Table => "table",
+            Kind::Image => "image",
+            Kind::Mesh => "mesh",
+            Kind::Figure => "figure",
+            Kind::Report => "report",
+        })
+    }
+}
+
+/// Type of the numbers or texts of a column.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[allow(missing_docs)]
+pub enum Element {
+    U8,
+    I8,
+    U16,
+    I16,
+    U32,
+    I32,
+    U64,
+    I64,
+    F32,
+    F64,
+    Bool,
+    Utf8,
+    Dictionary,
+}
+
+const ELEMENTS: &[(Element, &str, u32, usize)] = &[
+    (Element::U8, "u8", 1, 1),
+    (Element::I8, "i8", 2, 1),
+    (Element::U16, "u16", 3, 2),
+    (Element::I16, "i16", 4, 2),
+    (Element::U32, "u32", 5, 4),
+    (Element::I32, "i32", 6, 4),
+    (Element::U64, "u64", 7, 8),
+    (Element::I64, "i64", 8, 8),
+    (Element::F32, "f32", 9, 4),
+    (Element::F64, "f64", 10, 8),
+    (Element::Bool, "bool", 11, 1),
+    (Element::Utf8, "utf8", 12, 0),
+    (Element::Dictionary, "dictionary", 13, 4),
+];
+
+impl Element {
+    fn row(self) -> &'static (Element, &'static str, u32, usize) {
+        ELEMENTS
+            .iter()
+            .find(|row| row.0 == self)
+            .unwrap_or(&ELEMENTS[0])
+    }
+
+    /// Name in documents, such as `f64`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        self.row().1
+    }
+
+    /// The `KIND_` number of the ABI.
+    #[must_use]
+    pub fn code(self) -> u32 {
+        self.row().2
+    }
+
+    /// Bytes of one number or code; 0 for UTF-8.
+    #[must_use]
+    pub fn bytes(self) -> usize {
+        self.row().3
+    }
+
+    /// The element with this ABI number.
+    #[must_use]
+    pub fn from_code(code: u32) -> Option<Element> {
+        ELEMENTS.iter().find(|row| row.2 == code).map(|row| row.0)
+    }
+
+    /// The element with this name.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Element> {
+        ELEMENTS.iter().find(|row| row.1 == name).map(|row| row.0)
+    }
+
+    /// Whether rows are texts.
+    #[must_use]
+    pub fn is_text(self) -> bool {
+        matches!(self, Element::Utf8 | Element::Dictionary)
+    }
+}
+
+/// Type of a column: an element, and how many of them a row has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct ColumnType {
+    /// Element.
+    pub element: Element,
+    /// Elements per row: 1, or the length of a fixed-size list.
+    pub width: u32,
+}
+
+impl ColumnType {
+    /// One element per row.
+    #[must_use]
+    pub const fn scalar(element: Element) -> ColumnType {
+        ColumnType { element, width: 1 }
+    }
+
+    /// Bytes of one row in `data`; 0 for UTF-8.
+    #[must_use]
+    pub fn row_bytes(self) -> usize {
+        self.element.bytes() * self.width as usize
+    }
+}
+
+impl fmt::Display for ColumnType {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.element.name())?;
+        if self.width == 1 {
+            Ok(())
+        } else {
+            write!(f, "[{}]", self.width)
+        }
+    }
+}
+
+impl std::str::FromStr for ColumnType {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<ColumnType, String> {
+        let unknown = || format!("\"{text}\" is no column type");
+        let (name, width) = match text.split_once('[') {
+            Some((name, rest)) => {
+                let width = rest.strip_suffix(']').and_then(|width| width.parse().ok());
+                (
+                    name,
+                    width
+                        .filter(|width| (2..=4096).contains(width))
+                        .ok_or_else(unknown)?,
+                )
+            }
+            None => (text, 1),
+        };
+        let element = Element::from_name(name).ok_or_else(unknown)?;
+        if width != 1 && !matches!(element, Element::F32 | Element::F64) {
+            return Err(unknown());
+        }
+        Ok(ColumnType { element, width })
+    }
+}
+
+impl Serialize for ColumnType {
+    fn serialize<S: Serializer>(&self, out: S) -> Result<S::Ok, S::Error> {
+        out.collect_str(self)
+    }
+}
+
+impl<'de> Deserialize<'de> for ColumnType {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<ColumnType, D::Error> {
+        String::deserialize(from)?
+            .parse()
+            .map_err(serde::de::Error::custom)
+    }
+}
+
+/// A column: name, type, unit and what it stands for.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ColumnInfo {
+    /// Name, unique in its part.
+    pub name: String,
+    /// Type.
+    #[serde(rename = "type")]
+    pub type_: ColumnType,
+    /// Unit; `1` for pure numbers, `unknown` where the source does not say.
+    #[serde(default = "unknown_unit")]
+    pub unit: String,
+    /// `position`, `error`, `time`, `group`, `probability:<channel>`, `vector`, `label`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub role: Option<String>,
+    /// Name in the file that it was read from.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub source: Option<String>,
+    /// One line.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub description: Option<String>,
+    /// Outputs with text: room for text bytes (all rows, or all dictionary entries).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub text_bytes: Option<u64>,
+    /// Dictionary: entries there are (finished), or room for entries (planned).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub entries: Option<u64>,
+    /// Members that this version does not know.
+    #[serde(flatten)]
+    pub rest: Map,
+}
+
+fn unknown_unit() -> String {
+    "unknown".into()
+}
+
+impl ColumnInfo {
+    /// A column of scalars.
+    pub fn new(name: impl Into<String>, element: Element, unit: impl Into<String>) -> ColumnInfo {
+        ColumnInfo {
+            name: name.into(),
+            type_: ColumnType::scalar(element),
+            unit: unit.into(),
+            role: None,
+            source: None,
+            description: None,
+            text_bytes: None,
+            entries: None,
+            rest: Map::new(),
+        }
+    }
+
+    /// Sets the role.
+    #[must_use]
+    pub fn role(mut self, role: impl Into<String>) -> ColumnInfo {
+        self.role = Some(role.into());
+        self
+    }
+
+    /// Sets the name in the source file.
+    #[must_use]
+    pub fn source(mut self, source: impl Into<String>) -> ColumnInfo {
+        self.source = Some(source.into());
+        self
+    }
+
+    /// Sets the one-line description.
+    #[must_use]
+    pub fn description(mut self, description: impl Into<String>) -> ColumnInfo {
+        self.description = Some(description.into());
+        self
+    }
+
+    /// Makes each row a list of `width` numbers.
+    #[must_use]
+    pub fn width(mut self, width: u32) -> ColumnInfo {
+        self.type_.width = width;
+        self
+    }
+
+    /// Sets the room for text bytes.
+    #[must_use]
+    pub fn text_bytes(mut self, bytes: u64) -> ColumnInfo {
+        self.text_bytes = Some(bytes);
+        self
+    }
+}
+
+/// A group of columns of equal length. Tables and images have one, meshes two.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Part {
+    /// `rows`, `voxels`, `vertices` or `triangles`.
+    pub name: String,
+    /// Rows there are; in a plan, the largest number that there may be.
+    pub rows: u64,
+    /// Columns.
+    pub columns: Vec<ColumnInfo>,
+}
+
+impl Part {
+    /// The column with this name.
+    #[must_use]
+    pub fn column(&self, name: &str) -> Option<&ColumnInfo> {
+        self.columns.iter().find(|column| column.name == name)
+    }
+}
+
+/// Grid of an image.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ImageInfo {
+    /// Number of pixels along t, c, z, y, x.
+    pub size: [u64; 5],
+    /// Voxel size along z, y, x in nm; 0 where an axis has no size.
+    pub voxel: [f64; 3],
+    /// World position in nm of the low corner of voxel 0, along z, y, x.
+    #[serde(default)]
+    pub origin: [f64; 3],
+    /// Time between frames in s, 0 if unknown.
+    #[serde(default)]
+    pub frame_time: f64,
+    /// Names of the channels; empty if they have none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub channels: Vec<String>,
+    /// Whether the integers are labels of regions.
+    #[serde(default)]
+    pub labels: bool,
+}
+
+impl ImageInfo {
+    /// A single plane of `width` x `height` square pixels.
+    #[must_use]
+    pub fn plane(width: u64, height: u64, pixel_size: f64, origin_x: f64, origin_y: f64) -> Self {
+        ImageInfo {
+            size: [1, 1, 1, height, width],
+            voxel: [0.0, pixel_size, pixel_size],
+            origin: [0.0, origin_y, origin_x],
+            frame_time: 0.0,
+            channels: Vec::new(),
+            labels: false,
+        }
+    }
+
+    /// Number of voxels; `None` if it does not fit 64 bits.
+    #[must_use]
+    pub fn voxels(&self) -> Option<u64> {
+        self.size
+            .iter()
+            .try_fold(1_u64, |product, size| product.checked_mul(*size))
+    }
+}
+
+/// What an object is. Format `puncta.header/1`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Header {
+    /// Kind.
+    pub kind: Kind,
+    /// Name within its set, such as `localisations`.
+    #[serde(default)]
+    pub name: String,
+    /// Tables: `points` (default), `tracks`, `boxes` or `outline`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shape: Option<String>,
+    /// Groups of columns.
+    #[serde(default)]
+    pub parts: Vec<Part>,
+    /// Grid, for images.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub image: Option<ImageInfo>,
+    /// What the source says about the data, as a tree.
+    #[serde(default, skip_serializing_if = "Map::is_empty")]
+    pub metadata: Map,
+    /// Figures and reports: the document itself.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub document: Option<serde_json::Value>,
+    /// Members that this version does not know.
+    #[serde(flatten)]
+    pub rest: Map,
+}
+
+/// Format of [`Header`].
+pub const HEADER: &str = "puncta.header/1";
+
+impl Header {
+    /// A header without columns.
+    pub fn new(kind: Kind, name: impl Into<String>) -> Header {
+        Header {
+            kind,
+            name: name.into(),
+            shape: None,
+            parts: Vec::new(),
+            image: None,
+            metadata: Map::new(),
+            document: None,
+            rest: Map::new(),
+        }
+    }
+
+    /// A table with these columns.
+    pub fn table(name: impl Into<String>, rows: u64, columns: Vec<ColumnInfo>) -> Header {
+        let mut header = Header::new(Kind::Table, name);
+        header.parts.push(Part {
+            name: "rows".into(),
+            rows,
+            columns,
+        });
+        header
+    }
+
+    /// An image whose values have this element and unit.
+    pub fn image(name: &str, image: ImageInfo, element: Element, unit: &str) -> Header {
+        let mut header = Header::new(Kind::Image, name);
+        header.parts.push(Part {
+            name: "voxels".into(),
+            rows: image.voxels().unwrap_or(u64::MAX),
+            columns: vec![ColumnInfo::new("value", element, unit)],
+        });
+        header.image = Some(image);
+        header
+    }
+
+    /// A mesh: vertices with columns x, y, z (f64, nm) first, triangles with a, b, c (u32).
+    pub fn mesh(name: &str, vertices: Vec<ColumnInfo>, rows: u64, triangles: u64) -> Header {
+        let mut header = Header::new(Kind::Mesh, name);
+        header.parts.push(Part {
+            name: "vertices".into(),
+            rows,
+            columns: vertices,
+        });
+        let corners = ["a", "b", "c"].map(|corner| ColumnInfo::new(corner, Element::U32, "1"));
+        header.parts.push(Part {
+            name: "triangles".into(),
+            rows: triangles,
+            columns: corners.into(),
+        });
+        header
+    }
+
+    /// Rows of the first part.
+    #[must_use]
+    pub fn rows(&self) -> u64 {
+        self.parts.first().map_or(0, |part| part.rows)
+    }
+
+    /// A column of the first part.
+    #[must_use]
+    pub fn column(&self, name: &str) -> Option<&ColumnInfo> {
+        self.parts.first().and_then(|part| part.column(name))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn column_types_round_trip() {
+        for text in ["f64", "f32[3]", "utf8", "dictionary", "bool", "i64"] {
+            assert_eq!(text.parse::<ColumnType>().unwrap().to_string(), text);
+        }
+        for text in [
+            "",
+            "f16",
+            "f32[1]",
+            "i32[3]",
+            "f32[",
+            "f32[x]",
+            "f64[100000]",
+        ] {
+            assert!(text.parse::<ColumnType>().is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn unknown_members_are_kept() {
+        let text = r#"{"format":"puncta.header/1","kind":"table","name":"a","future":[1],
+            "parts":[{"name":"rows","rows":2,"columns":[{"name":"x","type":"f64","unit":"nm","later":1}]}]}"#;
+        let header: Header = crate::parse(text, HEADER).unwrap();
+        let again = crate::write(&header, HEADER);
+        assert!(
+            again.contains("\"future\":[1]") && again.contains("\"later\":1"),
+            "{again}"
+        );
+        assert_eq!(again.matches("\"format\"").count(), 1);
+    }
+}

@@ -1,0 +1,58 @@
+//! The JSON documents that Puncta's host and its plugins exchange.
+//!
+//! Each document has a `format` member `puncta.<name>/<n>`. Unknown members are kept and passed
+//! on, so that a newer side can talk to an older one. Non-finite numbers are the strings `"inf"`,
+//! `"-inf"` and `"nan"`; seeds and 64-bit ids are strings.
+
+pub mod call;
+pub mod failure;
+pub mod findings;
+pub mod header;
+pub mod manifest;
+pub mod number;
+pub mod schema;
+pub mod units;
+
+pub use call::{FileRef, InputRef, Output, OutputForm, Plan, Probe, Read, Request};
+pub use failure::{Failure, FailureCode};
+pub use findings::{Figure, Report, ReportValue, Series};
+pub use header::{ColumnInfo, ColumnType, Element, Header, ImageInfo, Kind, Part};
+pub use manifest::{ColumnNeed, Example, FileRule, Manifest, Operation, OperationKind, Port};
+pub use schema::{Parameter, ParameterKind};
+pub use units::Unit;
+
+/// A JSON object.
+pub type Map = serde_json::Map<String, serde_json::Value>;
+
+/// Reads a document, checking its `format`.
+///
+/// # Errors
+/// A sentence that says what is wrong with the text, for a developer.
+pub fn parse<T: serde::de::DeserializeOwned>(text: &str, format: &str) -> Result<T, String> {
+    let value: serde_json::Value =
+        serde_json::from_str(text).map_err(|error| format!("no valid JSON: {error}"))?;
+    match value.get("format").and_then(|found| found.as_str()) {
+        Some(found) if found == format => {}
+        Some(found) => return Err(format!("a {found} document where {format} was expected")),
+        None => return Err(format!("no \"format\": \"{format}\" in it")),
+    }
+    serde_json::from_value(value).map_err(|error| format!("no valid {format} document: {error}"))
+}
+
+/// Writes a document with its `format` as the first member.
+#[must_use]
+pub fn write<T: serde::Serialize>(document: &T, format: &str) -> String {
+    let mut map = Map::new();
+    map.insert("format".into(), format.into());
+    match serde_json::to_value(document) {
+        Ok(serde_json::Value::Object(members)) => map.extend(members),
+        Ok(other) => {
+            map.insert("value".into(), other);
+        }
+        // Our own types have string keys only, so that this does not happen; the reader says so.
+        Err(error) => {
+            map.insert("error".into(), error.to_string().into());
+        }
+    }
+    serde_json::Value::Object(map).to_string()
+}
