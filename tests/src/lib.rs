@@ -1,1 +1,148 @@
-//! tests
+//! What the whole-product tests share: where the build's products lie, and bundles of plugins.
+#![allow(clippy::expect_used, clippy::unwrap_used, clippy::missing_panics_doc)]
+
+use puncta_engine::engine::Options;
+use puncta_engine::plugins::catalogue::{self, Folder};
+use puncta_engine::{Engine, Isolation, Progress, Unwatched};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Folder of the build's products, such as `target/debug`.
+#[must_use]
+pub fn build_folder() -> PathBuf {
+    let program = std::env::current_exe().expect("the test's own path");
+    // A test lies in <build>/deps, an example or binary in <build>.
+    let folder = program.parent().expect("a folder");
+    if folder.ends_with("deps") {
+        folder.parent().expect("a folder")
+    } else {
+        folder
+    }
+    .into()
+}
+
+/// Root of the workspace.
+#[must_use]
+pub fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .parent()
+        .expect("the workspace")
+        .into()
+}
+
+/// A product of the build.
+#[must_use]
+pub fn product(name: &str) -> PathBuf {
+    let path = build_folder().join(name);
+    assert!(
+        path.exists(),
+        "{} is missing: run cargo build --workspace first",
+        path.display()
+    );
+    path
+}
+
+/// The `puncta` binary.
+#[must_use]
+pub fn program() -> PathBuf {
+    product(&format!("puncta{}", std::env::consts::EXE_SUFFIX))
+}
+
+/// The library of a package, such as `puncta_plugin_filter`.
+#[must_use]
+pub fn library(package: &str) -> PathBuf {
+    use std::env::consts::{DLL_PREFIX, DLL_SUFFIX};
+    product(&format!("{DLL_PREFIX}{package}{DLL_SUFFIX}"))
+}
+
+/// The real data beside the workspace, if they are there.
+#[must_use]
+pub fn shared_data() -> Option<PathBuf> {
+    let folder = root().parent()?.join("shared").join("data");
+    folder.is_dir().then_some(folder)
+}
+
+/// A folder of plugins, packed from libraries of the build.
+pub struct Bundle {
+    folder: tempfile::TempDir,
+}
+
+impl Bundle {
+    /// Packs these packages' libraries.
+    #[must_use]
+    pub fn of(packages: &[&str]) -> Bundle {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let workers = Arc::new(puncta_engine::worker::Pool::new(program(), 1));
+        for package in packages {
+            let library = library(package);
+            let place = folder.path().join("plugins").join(package);
+            std::fs::create_dir_all(&place).expect("a folder");
+            let copy = place.join(library.file_name().expect("a name"));
+            if std::fs::hard_link(&library, &copy).is_err() {
+                std::fs::copy(&library, &copy).expect("a copy");
+            }
+            catalogue::pack(&copy, &workers).expect("the plugin describes itself");
+        }
+        Bundle { folder }
+    }
+
+    /// Where it lies.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        self.folder.path()
+    }
+
+    /// Options of an engine with this bundle only.
+    #[must_use]
+    pub fn options(&self) -> Options {
+        Options {
+            folders: vec![Folder {
+                path: self.path().join("plugins"),
+                bundled: true,
+            }],
+            cache: build_folder().join("puncta-test-cache"),
+            program: program(),
+            threads: 2,
+            isolation: Isolation::ByPlugin,
+            memory: 8 << 30,
+        }
+    }
+
+    /// An engine with this bundle only.
+    #[must_use]
+    pub fn engine(&self, isolation: Isolation) -> Engine {
+        Engine::open(Options {
+            isolation,
+            ..self.options()
+        })
+        .expect("an engine")
+    }
+}
+
+/// Work that nobody watches.
+#[must_use]
+pub fn unwatched() -> Arc<dyn Progress> {
+    Arc::new(Unwatched)
+}
+
+/// Hash of the headers and of every byte of every column.
+#[must_use]
+pub fn fingerprint(outputs: &[(String, puncta_engine::Object)]) -> String {
+    let mut hasher = blake3::Hasher::new();
+    for (port, object) in outputs {
+        hasher.update(port.as_bytes());
+        hasher.update(&serde_json::to_vec(object.header()).expect("JSON"));
+        for part in 0..object.header().parts.len() {
+            for stored in object.columns(part) {
+                let column = stored.column().expect("the column");
+                for region in [&column.data, &column.offsets, &column.text]
+                    .into_iter()
+                    .flatten()
+                {
+                    hasher.update(region.slice::<u8>());
+                }
+            }
+        }
+    }
+    hasher.finalize().to_string()
+}

@@ -1,1 +1,17 @@
-//! engine
+//! Puncta's engine: store, recipe graph, loader, worker, jobs. No window, no algorithm, no format.
+
+pub mod engine;
+pub mod files;
+pub mod job;
+pub mod plugins;
+pub mod provenance;
+pub mod recipe;
+pub mod store;
+pub mod summary;
+#[cfg(unix)]
+pub mod worker;
+
+pub use engine::{Called, Engine, Invocation, Isolation, Options, PreparedCall, ReadFile, Written};
+pub use job::{Cancel, Progress, Unwatched};
+pub use puncta_documents as documents;
+pub use store::Object;

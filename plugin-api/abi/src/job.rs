@@ -34,7 +34,7 @@ pub struct Job1 {
             job: u64,
             count: u64,
             grain: u64,
-            task: Option<Task>,
+            task: Option<unsafe extern "C" fn(context: *mut c_void, begin: u64, end: u64) -> u32>,
             context: *mut c_void,
         ) -> u32,
     >,

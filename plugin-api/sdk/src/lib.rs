@@ -102,15 +102,22 @@ macro_rules! register {
 ///     description: "Distances between localisations.",
 ///     isolation: "none",   // or "worker", the default: never in the host's own process
 ///     reentrant: true,     // `run` may be called on several threads at once
+///     tables: my_tables,   // fn(&str) -> *const c_void: further tables by id, else null
 /// }
 /// ```
 #[macro_export]
 macro_rules! plugin {
     (id: $id:expr, title: $title:expr, description: $description:expr
-     $(, isolation: $isolation:expr)? $(, reentrant: $reentrant:expr)? $(,)?) => {
+     $(, isolation: $isolation:expr)? $(, reentrant: $reentrant:expr)?
+     $(, tables: $tables:expr)? $(,)?) => {
         /// What this library exports.
         #[unsafe(export_name = "puncta_plugin_v0_1")]
-        pub static PUNCTA_PLUGIN: $crate::abi::Plugin = $crate::shim::table(__puncta_describe);
+        pub static PUNCTA_PLUGIN: $crate::abi::Plugin =
+            $crate::shim::table(__puncta_describe, __puncta_get);
+
+        extern "C" fn __puncta_get(id: $crate::abi::Str) -> *const ::std::ffi::c_void {
+            $crate::shim::get(id, &[$($tables)?])
+        }
 
         extern "C" fn __puncta_describe(out: *mut $crate::abi::Str) -> u32 {
             static MANIFEST: ::std::sync::OnceLock<::std::string::String> =

@@ -19,7 +19,10 @@ use std::sync::{Arc, Once, OnceLock};
 
 /// The exported table.
 #[must_use]
-pub const fn table(describe: extern "C" fn(*mut Str) -> u32) -> abi::Plugin {
+pub const fn table(
+    describe: extern "C" fn(*mut Str) -> u32,
+    get: extern "C" fn(Str) -> *const c_void,
+) -> abi::Plugin {
     abi::Plugin {
         size: size_of::<abi::Plugin>() as u32,
         major: 0,
@@ -155,7 +158,9 @@ unsafe extern "C" fn destroy(instance: u64) {
     }
 }
 
-unsafe extern "C" fn get(id: Str) -> *const c_void {
+/// The table `id` of this plugin: `call/1`, else what one of `more` gives, or null.
+#[allow(clippy::not_unsafe_ptr_arg_deref)]
+pub fn get(id: Str, more: &[fn(&str) -> *const c_void]) -> *const c_void {
     static CALL: abi::Call1 = abi::Call1 {
         size: size_of::<abi::Call1>() as u32,
         reserved: 0,
@@ -166,7 +171,18 @@ unsafe extern "C" fn get(id: Str) -> *const c_void {
     // SAFETY: the host's text outlives the call.
     match unsafe { id.as_str() } {
         Some(abi::CALL_1) => std::ptr::from_ref(&CALL).cast(),
-        _ => std::ptr::null(),
+        Some(id) => {
+            let found = || {
+                more.iter()
+                    .map(|one| one(id))
+                    .find(|table| !table.is_null())
+            };
+            catch_unwind(found)
+                .ok()
+                .flatten()
+                .unwrap_or(std::ptr::null())
+        }
+        None => std::ptr::null(),
     }
 }
 

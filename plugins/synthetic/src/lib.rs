@@ -1,1 +1,25 @@
-//! synthetic
+//! Synthetic localisations of a membrane: test structures by constructive solid geometry, sites by
+//! Monte-Carlo sampling on an octree, and blinking, background and localisation error after the
+//! thesis, appendix C, "Point cloud simulation".
+
+pub mod arrangement;
+pub mod blink;
+pub mod columns;
+pub mod membrane;
+pub mod parameters;
+#[cfg(test)]
+mod pool;
+pub mod random;
+pub mod sample;
+pub mod sdf;
+pub mod shape;
+pub mod simulate;
+pub mod vector;
+
+puncta_sdk::plugin! {
+    id: "puncta.synthetic",
+    title: "Synthetic data",
+    description: "Simulates localisations of membranes whose surface is known.",
+    isolation: "none",
+    reentrant: true,
+}

@@ -1,0 +1,156 @@
+//! The command line's fixed part; what depends on the installed plugins is added in `flags`.
+
+use clap::{Args, Parser, Subcommand};
+use std::path::PathBuf;
+
+/// Name of the program in messages.
+pub const NAME: &str = "puncta";
+const ABOUT: &str = "Single-molecule localisation microscopy, by plugins";
+const AFTER: &str = "\
+Exit codes: 0 all done, 1 failed, 2 wrong usage, 3 some steps of a recipe failed, 130 stopped.";
+
+/// The arguments.
+#[derive(Debug, Parser)]
+#[command(name = NAME, version, about = ABOUT, after_help = AFTER, max_term_width = 110)]
+#[command(subcommand_help_heading = "Commands", disable_help_subcommand = true)]
+pub struct Cli {
+    #[command(flatten)]
+    pub global: Global,
+    #[command(subcommand)]
+    pub command: Option<Command>,
+}
+
+/// Options of every command.
+#[derive(Args, Clone, Debug, Default)]
+#[command(next_help_heading = "Global options")]
+pub struct Global {
+    /// Folder with plugins, looked into before the others; may be given several times
+    #[arg(long, global = true, value_name = "DIR")]
+    pub plugins: Vec<PathBuf>,
+    /// Threads for calculations; as many as the machine has if not given
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Run every plugin in a process of its own
+    #[arg(long, global = true, conflicts_with = "in_process")]
+    pub isolated: bool,
+    /// Run plugins in this process where they allow it
+    #[arg(long, global = true)]
+    pub in_process: bool,
+    /// Write the result, or the error, as JSON to the standard output
+    #[arg(long, global = true)]
+    pub json: bool,
+    /// No progress and no notes
+    #[arg(long, short, global = true)]
+    pub quiet: bool,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Show what a file holds: objects, columns with units, ranges and sums, metadata
+    Info(Info),
+    /// Write an object of a file into another file; the suffix chooses the writer
+    Convert(Convert),
+    /// List the installed operations, readers and writers, or describe one
+    Ops(Ops),
+    /// Run one operation
+    Op(Op),
+    /// Run a recipe
+    Run(Run),
+    /// List or pack plugins
+    #[command(subcommand)]
+    Plugins(Plugins),
+    /// Serve calls over a socket on standard input
+    #[command(hide = true)]
+    Worker,
+}
+
+#[derive(Args, Debug)]
+pub struct Info {
+    /// File to read
+    pub file: PathBuf,
+    /// Reader to use; chosen by the file if not given
+    #[arg(long, value_name = "ID")]
+    pub reader: Option<String>,
+}
+
+#[derive(Args, Debug)]
+pub struct Convert {
+    /// File to read
+    #[arg(value_name = "IN")]
+    pub input: PathBuf,
+    /// File to write
+    #[arg(value_name = "OUT")]
+    pub output: PathBuf,
+    /// Reader to use; chosen by the file if not given
+    #[arg(long, value_name = "ID")]
+    pub reader: Option<String>,
+    /// Writer to use; chosen by the suffix if not given
+    #[arg(long, value_name = "ID")]
+    pub writer: Option<String>,
+    /// Object to write, of a file that holds several; the first if not given
+    #[arg(long, value_name = "NAME")]
+    pub object: Option<String>,
+    /// Replace OUT if it exists
+    #[arg(long)]
+    pub overwrite: bool,
+}
+
+#[derive(Args, Debug)]
+pub struct Ops {
+    /// Id of the one to describe; the newest revision if it has none
+    pub name: Option<String>,
+}
+
+#[derive(Args, Debug)]
+pub struct Op {
+    /// Id of the operation; the newest revision if it has none
+    pub name: String,
+    /// Inputs: FILE, FILE:OBJECT or PORT=FILE; without PORT in the order of the ports
+    #[arg(value_name = "INPUT")]
+    pub inputs: Vec<String>,
+    /// File for an output: OUT for the first, or PORT=OUT; may be given several times
+    #[arg(long, short, value_name = "[PORT=]OUT")]
+    pub output: Vec<String>,
+    /// Parameter, also one whose name is that of another option
+    #[arg(long, value_name = "NAME=VALUE")]
+    pub set: Vec<String>,
+    /// Reader to use for all inputs; chosen by the file if not given
+    #[arg(long, value_name = "ID")]
+    pub reader: Option<String>,
+    /// Writer to use for all outputs; chosen by the suffix if not given
+    #[arg(long, value_name = "ID")]
+    pub writer: Option<String>,
+    /// Replace outputs that exist
+    #[arg(long)]
+    pub overwrite: bool,
+}
+
+#[derive(Args, Debug)]
+pub struct Run {
+    /// The recipe
+    pub recipe: PathBuf,
+    /// File for an input of the recipe; may be given several times
+    #[arg(long, short, value_name = "NAME=FILE")]
+    pub input: Vec<String>,
+    /// Parameter of a step for this run; may be given several times
+    #[arg(long, value_name = "STEP.PARAM=VALUE")]
+    pub set: Vec<String>,
+    /// Folder for the files that the recipe writes; made if it is not there
+    #[arg(long, short, value_name = "DIR", default_value = ".")]
+    pub out: PathBuf,
+    /// Replace files that exist
+    #[arg(long)]
+    pub overwrite: bool,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum Plugins {
+    /// List the installed plugins, and what was refused with the reason
+    List,
+    /// Describe a library and write plugin.json beside it
+    Pack {
+        /// Libraries
+        #[arg(required = true, value_name = "LIB")]
+        libraries: Vec<PathBuf>,
+    },
+}

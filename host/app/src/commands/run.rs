@@ -1,0 +1,417 @@
+//! `puncta run RECIPE`.
+
+use crate::cli::Run;
+use crate::context::{Context, check_target, located};
+use crate::exit::{Ended, say, sentence};
+use crate::flags;
+use crate::output::{plain, table};
+use crate::saved::Saved;
+use puncta_engine::Object;
+use puncta_engine::Progress;
+use puncta_engine::documents::{Failure, FailureCode};
+use puncta_engine::engine::{Steps, lineage};
+use puncta_engine::provenance::InputRecord;
+use puncta_engine::recipe::{
+    self, Checked, CheckedInput, CheckedOutput, Inputs, Limits, Problem, Recipe, RunReport,
+    Session, StepReport, StepState, Wanted, output_path,
+};
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Steps that run at once; each uses all threads where it can.
+const PARALLEL: usize = 2;
+
+pub fn run(context: &Context, run: &Run) -> Result<Ended, Failure> {
+    let recipe = load(&run.recipe)?;
+    let recipe = set(context, recipe, &run.set)?;
+    let plan = context.engine.check_recipe(&recipe);
+    refuse(&run.recipe, &plan.problems)?;
+    let files = bind(&plan, &run.input)?;
+    let targets = targets(&plan, &files, run)?;
+    std::fs::create_dir_all(&run.out).map_err(|error| Failure::io("make", &run.out, &error))?;
+    let mut objects: Inputs<Object> = BTreeMap::new();
+    let mut records: BTreeMap<String, Vec<InputRecord>> = BTreeMap::new();
+    for (input, path) in &files {
+        read(context, input, path, (&mut objects, &mut records))?;
+    }
+    let wanted = if plan.outputs.is_empty() {
+        Wanted::Everything
+    } else {
+        Wanted::Outputs
+    };
+    // Nothing is run twice, so that nothing needs to be kept for later.
+    let limits = Limits {
+        parallel: PARALLEL,
+        memory: 0,
+    };
+    let session = Session::new(Steps(Arc::clone(&context.engine)), limits);
+    let ticket = session.ticket();
+    let report = session.run(&plan, &objects, &wanted, ticket, &Steady(&context.watch));
+    context.watch.end();
+    let written = write(context, run, &plan, &targets, &records, &report);
+    print(context, &plan, &report, &written)?;
+    Ok(ended(&report, &written))
+}
+
+/// A file of the recipe: written, or why not.
+type Outcome = (String, Result<Saved, Failure>);
+
+fn load(path: &Path) -> Result<Recipe, Failure> {
+    let bytes = std::fs::read(path).map_err(|error| Failure::io("read", path, &error))?;
+    let text = String::from_utf8(bytes).map_err(|error| {
+        let before = error
+            .as_bytes()
+            .iter()
+            .take(error.utf8_error().valid_up_to());
+        let line = before.filter(|byte| **byte == b'\n').count() + 1;
+        Failure::bad_file(format!(
+            "{}, line {line}: this is no UTF-8 text",
+            path.display()
+        ))
+        .remedy("save the recipe as UTF-8")
+    })?;
+    recipe::parse(&text).or_else(|problems| {
+        refuse(path, &problems)?;
+        Err(Failure::internal(
+            "a recipe without problems that is refused",
+        ))
+    })
+}
+
+/// All problems are said; the last one is the failure.
+fn refuse(path: &Path, problems: &[Problem]) -> Result<(), Failure> {
+    let placed = |problem: &Problem| {
+        let place = problem.place;
+        let place = format!(
+            "{}, line {}, column {}",
+            path.display(),
+            place.line,
+            place.column
+        );
+        let mut failure = problem.failure.clone().context(place);
+        // The command line was right.
+        if failure.code == FailureCode::BadParameter {
+            failure.code = FailureCode::BadFile;
+        }
+        failure
+    };
+    let mut all: Vec<Failure> = problems.iter().map(placed).collect();
+    let Some(mut last) = all.pop() else {
+        return Ok(());
+    };
+    if !all.is_empty() {
+        all.iter().for_each(|one| say(&sentence(one)));
+        let others = all.iter().filter_map(|one| serde_json::to_value(one).ok());
+        last.rest.insert("others".into(), others.collect());
+    }
+    Err(last)
+}
+
+/// The recipe with parameters of the command line.
+fn set(context: &Context, mut recipe: Recipe, texts: &[String]) -> Result<Recipe, Failure> {
+    for text in texts {
+        let bad = |message: String| Failure::bad_parameter("set", message);
+        let form =
+            || bad(format!("--set {text} has another form")).remedy("write STEP.PARAM=VALUE");
+        let (target, value) = text.split_once('=').ok_or_else(form)?;
+        let (name, parameter) = target.split_once('.').ok_or_else(form)?;
+        let names: Vec<String> = recipe.steps.iter().map(|step| step.name.clone()).collect();
+        let step = recipe
+            .steps
+            .iter_mut()
+            .find(|step| step.name == name)
+            .ok_or_else(|| {
+                bad(format!("the recipe has no step {name}"))
+                    .remedy(format!("its steps are {}", names.join(", ")))
+            })?;
+        let mut value: Value = value.into();
+        if let Ok((_, operation)) = context.engine.operation(&step.op) {
+            let known = operation
+                .parameters
+                .iter()
+                .find(|known| known.name == parameter);
+            let Some(known) = known else {
+                let names = operation.parameters.iter().map(|known| known.name.as_str());
+                let names = names.collect::<Vec<_>>().join(", ");
+                let message = format!("the step {name} has no parameter {parameter}");
+                return Err(bad(message).remedy(format!("it has {names}")));
+            };
+            value = flags::value(known, value.as_str().unwrap_or_default());
+            known.canonical(&value)?;
+        }
+        step.set.insert(parameter.to_owned(), value);
+    }
+    Ok(recipe)
+}
+
+/// Which files belong to which input.
+fn bind<'a>(
+    plan: &'a Checked,
+    texts: &[String],
+) -> Result<Vec<(&'a CheckedInput, PathBuf)>, Failure> {
+    let names: Vec<&str> = plan.inputs.iter().map(|input| &*input.name).collect();
+    let known = || match names.as_slice() {
+        [] => "the recipe has no inputs".to_owned(),
+        names => format!("its inputs are {}", names.join(", ")),
+    };
+    let bad = |message: String| Failure::bad_parameter("input", message);
+    let mut bound: Vec<(&CheckedInput, PathBuf)> = Vec::new();
+    for text in texts {
+        let (name, file) = text.split_once('=').ok_or_else(|| {
+            bad(format!("--input {text} does not name the input"))
+                .remedy(format!("write NAME=FILE; {}", known()))
+        })?;
+        let input = plan.inputs.iter().find(|input| &*input.name == name);
+        let input =
+            input.ok_or_else(|| bad(format!("the recipe has no input {name}")).remedy(known()))?;
+        if !input.many && bound.iter().any(|(other, _)| other.name == input.name) {
+            let message = format!("the input {name} takes one file");
+            return Err(bad(message).remedy(format!("say many = true in [inputs.{name}]")));
+        }
+        bound.push((input, file.into()));
+    }
+    for input in &plan.inputs {
+        if bound.iter().all(|(other, _)| other.name != input.name) {
+            let message = format!("no file is given for the input {}", input.name);
+            return Err(bad(message).remedy(format!("add --input {}=FILE", input.name)));
+        }
+    }
+    // In the order of the recipe, whatever the order of the arguments.
+    bound.sort_by_key(|(input, _)| names.iter().position(|name| *name == &*input.name));
+    Ok(bound)
+}
+
+/// The files to write, all of which can be written as far as can be told.
+fn targets<'a>(
+    plan: &'a Checked,
+    files: &[(&CheckedInput, PathBuf)],
+    run: &Run,
+) -> Result<Vec<(&'a CheckedOutput, PathBuf)>, Failure> {
+    let first = files.first().and_then(|(_, path)| path.file_stem());
+    let first = first
+        .map(|stem| stem.to_string_lossy().into_owned())
+        .unwrap_or_default();
+    let mut targets: Vec<(&CheckedOutput, PathBuf)> = Vec::new();
+    for output in &plan.outputs {
+        let path = run.out.join(output_path(&output.file, &first)?);
+        if path.parent().is_some_and(Path::is_dir) {
+            check_target(&path, run.overwrite)?;
+        }
+        if targets.iter().any(|(_, other)| *other == path) {
+            let message = format!("two outputs of the recipe go to {}", path.display());
+            return Err(Failure::bad_file(message).remedy("rename one of the two"));
+        }
+        if let Some((_, path)) = files.iter().find(|(_, file)| same(file, &path)) {
+            let message = format!("the recipe would write over its input {}", path.display());
+            return Err(Failure::bad_file(message).remedy("choose another folder with --out"));
+        }
+        targets.push((output, path));
+    }
+    Ok(targets)
+}
+
+fn same(a: &Path, b: &Path) -> bool {
+    matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
+}
+
+fn read(
+    context: &Context,
+    input: &CheckedInput,
+    path: &Path,
+    (objects, records): (&mut Inputs<Object>, &mut BTreeMap<String, Vec<InputRecord>>),
+) -> Result<(), Failure> {
+    context
+        .watch
+        .begin(&format!("reading {}", crate::context::name(path)));
+    let reader = input.reader.as_ref().map(|reader| reader.id.as_str());
+    let wanted = (input.object.as_deref(), input.kind);
+    let source = context
+        .engine
+        .source(path, reader, &input.options, wanted, &context.progress());
+    context.watch.end();
+    let source = source.map_err(|failure| {
+        let mut failure = located(failure, path);
+        if failure.code == FailureCode::BadParameter {
+            failure = failure.context(format!("input {}", input.name));
+            failure.code = FailureCode::BadFile;
+        }
+        failure
+    })?;
+    source
+        .notes
+        .iter()
+        .for_each(|note| context.watch.note(note));
+    let name = input.name.to_string();
+    objects
+        .entry(name.clone())
+        .or_default()
+        .push((source.key, source.object));
+    records.entry(name).or_default().push(source.record);
+    Ok(())
+}
+
+/// Steps on the one line that there is for progress.
+struct Steady<'a>(&'a crate::watch::Watch);
+
+impl recipe::Watch for Steady<'_> {
+    fn started(&self, step: &str) {
+        self.0.begin(step);
+    }
+    fn progress(&self, _step: &str, fraction: f64, phase: &str) {
+        self.0.progress(fraction, phase);
+    }
+    fn message(&self, step: &str, level: u32, text: &str) {
+        self.0.message(level, &format!("{step}: {text}"));
+    }
+    fn cancelled(&self) -> bool {
+        self.0.cancelled()
+    }
+}
+
+fn write(
+    context: &Context,
+    run: &Run,
+    plan: &Checked,
+    targets: &[(&CheckedOutput, PathBuf)],
+    records: &BTreeMap<String, Vec<InputRecord>>,
+    report: &RunReport<Object>,
+) -> Vec<Outcome> {
+    let mut written = Vec::new();
+    for (output, path) in targets {
+        let Some(found) = report.results.get(&output.from) else {
+            continue;
+        };
+        let one = || -> Result<Saved, Failure> {
+            let [object] = found.objects.as_slice() else {
+                let message = format!("{} is {} objects", output.from, found.objects.len());
+                return Err(Failure::bad_input(format!(
+                    "cannot write {}: {message}",
+                    path.display()
+                ))
+                .remedy("write something that is one object"));
+            };
+            let source = output
+                .source
+                .ok_or_else(|| Failure::internal("an output of nothing"))?;
+            let folder = puncta_engine::files::folder_of(path);
+            std::fs::create_dir_all(folder).map_err(|error| Failure::io("make", folder, &error))?;
+            let writer = output.writer.as_ref().map(|writer| writer.id.as_str());
+            let saved = Saved::write(
+                context,
+                path,
+                writer,
+                &output.parameters,
+                object,
+                run.overwrite,
+            )?;
+            let record = |name: &str| report.step(name).and_then(|step| step.record.clone());
+            let (inputs, steps) = lineage(plan, source, records, &record);
+            saved.with_provenance(context, &output.from, inputs, steps)
+        };
+        written.push((output.file.clone(), one()));
+    }
+    written
+}
+
+fn state(step: &StepReport) -> &'static str {
+    match &step.state {
+        StepState::Computed => "done",
+        StepState::Cached => "kept",
+        StepState::Failed(_) => "failed",
+        StepState::Skipped { .. } => "skipped",
+        StepState::Cancelled => "stopped",
+    }
+}
+
+fn print(
+    context: &Context,
+    plan: &Checked,
+    report: &RunReport<Object>,
+    written: &[Outcome],
+) -> Result<(), Failure> {
+    for step in &report.steps {
+        if let StepState::Failed(failure) = &step.state {
+            say(&format!("step {}: {}", step.name, sentence(failure)));
+        }
+    }
+    for failure in written.iter().filter_map(|(_, saved)| saved.as_ref().err()) {
+        say(&sentence(failure));
+    }
+    let done = written.iter().filter_map(|(_, saved)| saved.as_ref().ok());
+    if context.json {
+        let failed = written.iter().filter_map(|(file, saved)| {
+            saved
+                .as_ref()
+                .err()
+                .map(|error| json!({ "file": file, "error": error }))
+        });
+        let steps = report.steps.iter().map(|step| entry(plan, step));
+        return context.output.json(&json!({
+            "steps": steps.collect::<Vec<Value>>(),
+            "written": done.map(Saved::json).collect::<Vec<Value>>(),
+            "failed": failed.collect::<Vec<Value>>(),
+            "cancelled": report.cancelled,
+        }));
+    }
+    let rows: Vec<Vec<String>> = report.steps.iter().map(row).collect();
+    context
+        .output
+        .text(&table(&rows, &[false, false, true], 0))?;
+    done.map(Saved::text)
+        .try_for_each(|text| context.output.text(&text))
+}
+
+fn row(step: &StepReport) -> Vec<String> {
+    let seconds = step.duration.as_secs_f64();
+    let time = match step.state {
+        StepState::Computed | StepState::Failed(_) => format!("{seconds:.3} s"),
+        _ => String::new(),
+    };
+    let why = match &step.state {
+        StepState::Skipped { because } => format!("needs {because}"),
+        _ => String::new(),
+    };
+    vec![plain(&step.name), state(step).into(), time, plain(&why)]
+}
+
+fn entry(plan: &Checked, step: &StepReport) -> Value {
+    let mut out = json!({
+        "name": &*step.name,
+        "operation": plan.step(&step.name).map(|(_, step)| step.op.to_string()),
+        "state": state(step),
+        "seconds": step.duration.as_secs_f64(),
+        "parameters": step.record.as_ref().map(|record| &*record.parameters),
+    });
+    match &step.state {
+        StepState::Failed(failure) => {
+            out["error"] = serde_json::to_value(failure).unwrap_or_default();
+        }
+        StepState::Skipped { because } => out["because"] = (&**because).into(),
+        _ => {}
+    }
+    out
+}
+
+fn ended(report: &RunReport<Object>, written: &[Outcome]) -> Ended {
+    let good = |step: &StepReport| matches!(step.state, StepState::Computed | StepState::Cached);
+    let stopped = |(_, saved): &Outcome| saved.as_ref().is_err_and(Failure::is_cancelled);
+    if report.cancelled || written.iter().any(stopped) {
+        return Ended::Stopped;
+    }
+    let saved = written.iter().filter(|(_, saved)| saved.is_ok()).count();
+    let all = saved == written.len() && report.steps.iter().all(good);
+    match (
+        all,
+        saved > 0 || (written.is_empty() && report.steps.iter().any(good)),
+    ) {
+        (true, _) => Ended::Done,
+        (false, true) => Ended::Partly,
+        (false, false) => Ended::Failed,
+    }
+}
+
+#[cfg(test)]
+#[path = "run_tests.rs"]
+mod tests;

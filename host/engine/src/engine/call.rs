@@ -1,0 +1,283 @@
+//! Calls: prepare, run, assemble what came out.
+
+use super::{Engine, check};
+use crate::job::Progress;
+use crate::plugins::catalogue::Installed;
+use crate::plugins::context::{Finished, JobContext};
+use crate::plugins::library;
+use crate::store::{Object, Selection, Stored};
+use crate::worker;
+use puncta_documents::{
+    Failure, FailureCode, FileRef, InputRef, Map, Operation, OutputForm, Plan, Request, schema,
+};
+use std::sync::Arc;
+
+/// What to call, with what.
+#[derive(Clone, Debug, Default)]
+pub struct Invocation {
+    /// Operation id.
+    pub operation: String,
+    /// Parameters as given; defaults and units are applied.
+    pub parameters: Map,
+    /// Objects by port.
+    pub inputs: Vec<(String, Object)>,
+    /// File to read or write.
+    pub file: Option<FileRef>,
+}
+
+/// What a call gave.
+#[derive(Clone, Debug, Default)]
+pub struct Called {
+    /// Outputs by port, in the order in which they were finished.
+    pub outputs: Vec<(String, Object)>,
+    /// Parameters after defaults.
+    pub parameters: Map,
+    /// Columns that were converted for it.
+    pub converted: Vec<check::Converted>,
+}
+
+enum Backend {
+    InProcess(library::Prepared),
+    Worker(Box<worker::Prepared>),
+}
+
+/// A call that is checked and planned; it may run more than once.
+pub struct PreparedCall {
+    backend: Backend,
+    plugin: Arc<Installed>,
+    operation: String,
+    parameters: Map,
+    inputs: Vec<Object>,
+    converted: Vec<check::Converted>,
+    pool: Arc<rayon::ThreadPool>,
+}
+
+impl Engine {
+    /// Checks and plans a call.
+    ///
+    /// # Errors
+    /// What the engine's checks or the plugin refuse.
+    pub fn prepare(
+        &self,
+        invocation: &Invocation,
+        progress: &Arc<dyn Progress>,
+    ) -> Result<PreparedCall, Failure> {
+        let (plugin, operation) = self.operation(&invocation.operation)?;
+        let parameters = schema::canonical(&operation.parameters, &invocation.parameters)
+            .map_err(|failure| failure.context(&operation.id))?;
+        let (bound, converted) = self
+            .pool
+            .install(|| check::inputs(operation, &parameters, &invocation.inputs))?;
+        let request = Request {
+            operation: operation.id.clone(),
+            parameters: parameters.clone(),
+            inputs: bound
+                .iter()
+                .map(|(port, object)| InputRef {
+                    port: port.clone(),
+                    header: object.header().clone(),
+                })
+                .collect(),
+            file: invocation.file.clone(),
+            memory: Some(self.options.memory),
+            rest: Map::new(),
+        };
+        let backend = self.backend(plugin, &request, progress)?;
+        let call = PreparedCall {
+            backend,
+            plugin: Arc::clone(plugin),
+            operation: operation.id.clone(),
+            parameters,
+            inputs: bound.into_iter().map(|(_, object)| object).collect(),
+            converted,
+            pool: Arc::clone(&self.pool),
+        };
+        self.check_plan(operation, &call)?;
+        Ok(call)
+    }
+
+    fn backend(
+        &self,
+        plugin: &Arc<Installed>,
+        request: &Request,
+        progress: &Arc<dyn Progress>,
+    ) -> Result<Backend, Failure> {
+        if self.in_process(plugin) {
+            let context = JobContext::new(Vec::new(), Arc::clone(progress), Arc::clone(&self.pool));
+            return self
+                .library(plugin)?
+                .prepare(&context, request)
+                .map(Backend::InProcess);
+        }
+        let copy = self.copy(plugin)?;
+        let name = &plugin.packed.manifest.id;
+        self.workers
+            .prepare(&copy, plugin.packed.door, name, request, &**progress)
+            .map(|prepared| Backend::Worker(Box::new(prepared)))
+    }
+
+    fn check_plan(&self, operation: &Operation, call: &PreparedCall) -> Result<(), Failure> {
+        let plan = call.plan();
+        for read in &plan.read {
+            let object = call.inputs.get(read.input);
+            let part = object.and_then(|object| object.header().parts.get(read.part));
+            let (Some(object), Some(part)) = (object, part) else {
+                let message = format!("the plan of {} reads an input it has not", operation.id);
+                return Err(Failure::internal(message));
+            };
+            for name in &read.columns {
+                if part.column(name).is_none() && name != "row" {
+                    let names: Vec<&str> = part.columns.iter().map(|c| c.name.as_str()).collect();
+                    let message = format!("{} has no column {name}", object.header().name);
+                    return Err(
+                        Failure::bad_input(message).remedy(format!("it has {}", names.join(", ")))
+                    );
+                }
+            }
+        }
+        if plan.memory > self.options.memory {
+            let gigabytes = |bytes: u64| bytes.div_ceil(1 << 30);
+            let message = format!(
+                "{} would need {} GB of memory, and {} GB are allowed",
+                operation.id,
+                gigabytes(plan.memory),
+                gigabytes(self.options.memory)
+            );
+            return Err(Failure::new(FailureCode::Resources, message));
+        }
+        Ok(())
+    }
+
+    /// Checks, plans and runs a call.
+    ///
+    /// # Errors
+    /// What the engine's checks or the plugin refuse.
+    pub fn call(
+        &self,
+        invocation: &Invocation,
+        progress: &Arc<dyn Progress>,
+    ) -> Result<Called, Failure> {
+        let mut prepared = self.prepare(invocation, progress)?;
+        for note in &prepared.plan().notes {
+            progress.message(2, note);
+        }
+        let outputs = prepared.run(progress)?;
+        let PreparedCall {
+            parameters,
+            converted,
+            ..
+        } = prepared;
+        Ok(Called {
+            outputs,
+            parameters,
+            converted,
+        })
+    }
+}
+
+impl PreparedCall {
+    /// What the call will do.
+    #[must_use]
+    pub fn plan(&self) -> &Arc<Plan> {
+        match &self.backend {
+            Backend::InProcess(prepared) => prepared.plan(),
+            Backend::Worker(prepared) => prepared.plan(),
+        }
+    }
+
+    /// Id of the operation.
+    #[must_use]
+    pub fn operation_id(&self) -> &str {
+        &self.operation
+    }
+
+    /// The plugin that is called.
+    #[must_use]
+    pub fn plugin(&self) -> &Arc<Installed> {
+        &self.plugin
+    }
+
+    /// Parameters after defaults.
+    #[must_use]
+    pub fn parameters(&self) -> &Map {
+        &self.parameters
+    }
+
+    /// Runs it.
+    ///
+    /// # Errors
+    /// What the plugin fails with.
+    pub fn run(&mut self, progress: &Arc<dyn Progress>) -> Result<Vec<(String, Object)>, Failure> {
+        if progress.cancelled() {
+            return Err(Failure::cancelled());
+        }
+        let finished = match &mut self.backend {
+            Backend::InProcess(prepared) => {
+                let (inputs, pool) = (self.inputs.clone(), Arc::clone(&self.pool));
+                let context = JobContext::new(inputs, Arc::clone(progress), pool);
+                prepared.run(&context)?;
+                context.take_finished()
+            }
+            Backend::Worker(prepared) => {
+                // Gathering selections uses the pool.
+                let (pool, inputs) = (&self.pool, &self.inputs);
+                let prepared: &mut worker::Prepared = prepared;
+                let gathered = gather(pool, inputs, prepared.plan());
+                gathered?;
+                prepared.run(inputs, &**progress)?
+            }
+        };
+        let inputs = &self.inputs;
+        let id = &self.operation;
+        let assemble = |one: Finished| assemble(one, inputs).map_err(|f| f.context(id));
+        self.pool
+            .install(|| finished.into_iter().map(assemble).collect())
+    }
+}
+
+/// Gathers the columns that a plan reads, with all threads.
+fn gather(pool: &rayon::ThreadPool, inputs: &[Object], plan: &Plan) -> Result<(), Failure> {
+    pool.install(|| {
+        for read in &plan.read {
+            let Some(object) = inputs.get(read.input) else {
+                continue;
+            };
+            for name in read.columns.iter().filter(|name| *name != "row") {
+                object.column(read.part, name)?;
+            }
+        }
+        Ok(())
+    })
+}
+
+fn assemble(finished: Finished, inputs: &[Object]) -> Result<(String, Object), Failure> {
+    let Finished {
+        output,
+        form,
+        of,
+        object,
+    } = finished;
+    let input = || {
+        of.and_then(|of| inputs.get(of))
+            .ok_or_else(|| Failure::internal(format!("output {output} belongs to no input")))
+    };
+    let object = match form {
+        OutputForm::Object => object,
+        OutputForm::Columns => {
+            let infos = object
+                .header()
+                .parts
+                .first()
+                .map(|part| part.columns.clone());
+            let columns: Vec<Arc<Stored>> = object.columns(0).to_vec();
+            input()?.with_columns(infos.unwrap_or_default().into_iter().zip(columns).collect())?
+        }
+        OutputForm::Selection => {
+            let input = input()?;
+            let rows = object.column(0, "row")?;
+            let selection = Selection::new(&rows, input.header().rows())?;
+            input.select(&Arc::new(selection))?
+        }
+    };
+    Ok((output, object))
+}

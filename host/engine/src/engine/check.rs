@@ -1,0 +1,152 @@
+//! Inputs against an operation's ports: kinds, columns, units.
+
+use crate::store::Object;
+use puncta_documents::{Failure, Map, Operation, Port, units};
+
+/// A column that was converted to the unit that an operation needs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Converted {
+    /// Input port.
+    pub port: String,
+    /// Column.
+    pub column: String,
+    /// Unit that it had.
+    pub from: String,
+    /// Unit that it has now.
+    pub to: String,
+    /// What its values were multiplied with.
+    pub factor: f64,
+}
+
+/// Objects by port, in the order of the ports, and what was converted for them.
+pub type Bound = (Vec<(String, Object)>, Vec<Converted>);
+
+/// Checks the inputs of a call, puts them into the order of the ports, and converts columns to the
+/// units that the ports need.
+///
+/// # Errors
+/// When a port is unknown, empty or bound wrongly, a column is missing, or its unit does not convert.
+pub fn inputs(
+    operation: &Operation,
+    parameters: &Map,
+    given: &[(String, Object)],
+) -> Result<Bound, Failure> {
+    let mut bound = Vec::new();
+    let mut converted = Vec::new();
+    for (name, _) in given {
+        if !operation.inputs.iter().any(|port| &port.name == name) {
+            let names: Vec<&str> = operation
+                .inputs
+                .iter()
+                .map(|port| port.name.as_str())
+                .collect();
+            let remedy = match names.as_slice() {
+                [] => "it takes none".to_owned(),
+                names => format!("its inputs are {}", names.join(", ")),
+            };
+            let message = format!("{} has no input {name}", operation.id);
+            return Err(Failure::bad_input(message).remedy(remedy));
+        }
+    }
+    for port in &operation.inputs {
+        let mut count = 0;
+        for (name, object) in given.iter().filter(|(name, _)| name == &port.name) {
+            count += 1;
+            let object = fit(operation, port, parameters, object, &mut converted)?;
+            bound.push((name.clone(), object));
+        }
+        let wrong = match count {
+            0 if !port.optional => Some("needs"),
+            0 | 1 => None,
+            _ if port.many => None,
+            _ => Some("takes only one"),
+        };
+        if let Some(what) = wrong {
+            let message = format!("{} {what} {} as {}", operation.id, port.kind, port.name);
+            return Err(Failure::bad_input(message));
+        }
+    }
+    Ok((bound, converted))
+}
+
+fn fit(
+    operation: &Operation,
+    port: &Port,
+    parameters: &Map,
+    object: &Object,
+    converted: &mut Vec<Converted>,
+) -> Result<Object, Failure> {
+    let header = object.header();
+    if header.kind != port.kind {
+        let message = format!(
+            "{} takes {} {} as {}, not {} {}",
+            operation.id,
+            article(port.kind),
+            port.kind,
+            port.name,
+            article(header.kind),
+            header.kind
+        );
+        return Err(Failure::bad_input(message));
+    }
+    let mut object = object.clone();
+    for need in &port.columns {
+        let name = match need.name.strip_prefix('$') {
+            None => need.name.as_str(),
+            Some(parameter) => match parameters.get(parameter).and_then(|value| value.as_str()) {
+                Some(name) => name,
+                None => continue,
+            },
+        };
+        let Some(column) = object.header().column(name) else {
+            let names: Vec<String> = object
+                .header()
+                .parts
+                .first()
+                .map(|part| {
+                    part.columns
+                        .iter()
+                        .map(|column| column.name.clone())
+                        .collect()
+                })
+                .unwrap_or_default();
+            let message = format!(
+                "{} needs a column {name}, which {} does not have",
+                operation.id,
+                object.header().name
+            );
+            return Err(Failure::bad_input(message).remedy(format!("it has {}", names.join(", "))));
+        };
+        let Some(to) = need.unit.as_deref().filter(|to| *to != column.unit) else {
+            continue;
+        };
+        let from = column.unit.clone();
+        let factor = units::conversion(&from, to).map_err(|_| {
+            let message = format!(
+                "{} needs column {name} in {to}, and its unit is \"{from}\"",
+                operation.id
+            );
+            Failure::bad_input(message).remedy(format!(
+                "say the unit when reading the file: --units {name}={to}"
+            ))
+        })?;
+        object = object.converted(name, factor, to)?;
+        let (port, column, to) = (port.name.clone(), name.to_owned(), to.to_owned());
+        converted.push(Converted {
+            port,
+            column,
+            from,
+            to,
+            factor,
+        });
+    }
+    Ok(object)
+}
+
+fn article(kind: puncta_documents::Kind) -> &'static str {
+    if kind == puncta_documents::Kind::Image {
+        "an"
+    } else {
+        "a"
+    }
+}

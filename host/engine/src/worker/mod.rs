@@ -1,0 +1,12 @@
+//! Calls in a process of their own: the same binary, the same tables, the same bits.
+//!
+//! Host and worker share a Unix socket. Control messages are JSON frames; columns are never copied:
+//! the descriptors of their segments travel with the frames, and the other side maps them.
+
+mod client;
+mod protocol;
+mod serve;
+mod socket;
+
+pub use client::{Pool, Prepared, Worker};
+pub use serve::serve;

@@ -1,0 +1,364 @@
+//! Localisations counted per pixel.
+//!
+//! A scatter of single counts into an image larger than the cache waits for memory at each row.
+//! Here each chunk of rows is first sorted by bands of pixel rows (counting sort, in cache), then
+//! each band is counted in a tile of its own that fits in the cache and is written to the image
+//! once. Counts are whole numbers, so that order and threads do not matter.
+
+use crate::field::Field;
+use puncta_sdk::{Cancelled, Run};
+use std::sync::Mutex;
+
+/// Rows that one sorting task takes.
+const CHUNK: usize = 1 << 16;
+/// Chunks sorted before the bands are counted: bounds the memory (4 bytes a row).
+const ROUND: usize = 256;
+/// Pixels of a band: a tile of u32 of half a mebibyte.
+const BAND_PIXELS: usize = 1 << 17;
+
+/// What became of the rows.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Counted {
+    /// Rows counted in a pixel.
+    pub inside: u64,
+    /// Rows with finite positions outside the field of view.
+    pub outside: u64,
+    /// Rows with a position that is NaN or infinite.
+    pub invalid: u64,
+}
+
+/// Pixel numbers of a chunk of rows, sorted by band; those of rows outside are at the end and mean
+/// nothing.
+#[derive(Default)]
+struct Sorted {
+    pixels: Vec<u32>,
+    /// First entry of each band, and of the rows outside.
+    starts: Vec<u32>,
+    counted: Counted,
+}
+
+struct Layout<'a> {
+    field: &'a Field,
+    /// log2 of the pixel rows in a band.
+    shift: u32,
+    bands: usize,
+}
+
+/// Counts the positions in each pixel of `field` into `out` (x fastest, `field.pixels()` long;
+/// overwritten).
+///
+/// `x` and `y` are nm and equally long; the shorter decides. A pixel holds its low edges. Counts
+/// above 2^24 are rounded to the nearest f32. The image does not depend on the order of rows nor on
+/// the number of threads.
+///
+/// # Errors
+/// `Cancelled` when the person cancelled; `out` is then undefined.
+pub fn histogram2d(
+    x: &[f64],
+    y: &[f64],
+    field: &Field,
+    out: &mut [f32],
+    run: &dyn Run,
+) -> Result<Counted, Cancelled> {
+    let width = field.x.count();
+    let shift = (BAND_PIXELS / width)
+        .max(1)
+        .min(field.y.count().div_ceil(8).next_power_of_two())
+        .ilog2();
+    let layout = Layout {
+        field,
+        shift,
+        bands: field.y.count().div_ceil(1 << shift),
+    };
+    let bands: Vec<Mutex<&mut [f32]>> = out.chunks_mut(width << shift).map(Mutex::new).collect();
+    let rows = x.len().min(y.len());
+    let chunks: Vec<(&[f64], &[f64])> = x[..rows]
+        .chunks(CHUNK)
+        .zip(y[..rows].chunks(CHUNK))
+        .collect();
+    let mut counted = Counted::default();
+    let rounds = chunks.len().div_ceil(ROUND).max(1);
+    for round in 0..rounds {
+        let part = &chunks[round * ROUND..chunks.len().min((round + 1) * ROUND)];
+        run.progress(round as f64 / rounds as f64, "sorting localisations")?;
+        let sorted = sort(part, &layout, run)?;
+        run.progress(
+            (round as f64 + 0.6) / rounds as f64,
+            "counting localisations",
+        )?;
+        count(&sorted, &layout, &bands, round == 0, run)?;
+        for s in &sorted {
+            counted.inside += s.counted.inside;
+            counted.outside += s.counted.outside;
+            counted.invalid += s.counted.invalid;
+        }
+    }
+    run.progress(1.0, "counting localisations")?;
+    Ok(counted)
+}
+
+fn sort(
+    chunks: &[(&[f64], &[f64])],
+    layout: &Layout,
+    run: &dyn Run,
+) -> Result<Vec<Sorted>, Cancelled> {
+    let sorted: Vec<Mutex<Sorted>> = chunks.iter().map(|_| Mutex::default()).collect();
+    run.parallel(chunks.len(), &|i| {
+        if run.cancelled() {
+            return;
+        }
+        let (x, y) = chunks[i];
+        let result = sort_chunk(x, y, layout);
+        if let Ok(mut slot) = sorted[i].lock() {
+            *slot = result;
+        }
+    });
+    if run.cancelled() {
+        return Err(Cancelled);
+    }
+    Ok(sorted
+        .into_iter()
+        .map(|s| s.into_inner().unwrap_or_default())
+        .collect())
+}
+
+/// Counting sort by band. Rows outside are in a band of their own at the end, so that no row needs a
+/// branch.
+fn sort_chunk(x: &[f64], y: &[f64], layout: &Layout) -> Sorted {
+    let rows = x.len();
+    let mut pixels = vec![0_u32; rows];
+    let mut bands = vec![0_u32; rows];
+    pixels_of(x, y, layout, &mut pixels, &mut bands);
+    let mut starts = vec![0_u32; layout.bands + 1];
+    for band in &bands {
+        starts[*band as usize] += 1;
+    }
+    let outside = u64::from(starts[layout.bands]);
+    let mut invalid = 0;
+    if outside > 0 {
+        let finite = |(x, y): (&f64, &f64)| x.is_finite() && y.is_finite();
+        invalid = x.iter().zip(y).filter(|row| !finite(*row)).count() as u64;
+    }
+    // Running sums: starts[b] becomes the end of band b, then counts down to its start.
+    let mut sum = 0;
+    for s in &mut starts {
+        sum += *s;
+        *s = sum;
+    }
+    let mut sorted = vec![0_u32; rows];
+    for (pixel, band) in pixels.iter().zip(&bands) {
+        let s = &mut starts[*band as usize];
+        *s -= 1;
+        sorted[*s as usize] = *pixel;
+    }
+    let inside = rows as u64 - outside;
+    Sorted {
+        pixels: sorted,
+        starts,
+        counted: Counted {
+            inside,
+            outside: outside - invalid,
+            invalid,
+        },
+    }
+}
+
+/// Pixel number and band of each position; the band after the last one for those outside.
+fn pixels_of(x: &[f64], y: &[f64], layout: &Layout, pixels: &mut [u32], bands: &mut [u32]) {
+    /// 2^52: added to a whole f64 below it, the number stands in the low bits.
+    const WHOLE: f64 = 4_503_599_627_370_496.0;
+    let (ax, ay, width) = (
+        layout.field.x,
+        layout.field.y,
+        layout.field.x.count() as f64,
+    );
+    let outside = layout.bands as u32;
+    for (((&x, &y), pixel), band) in x.iter().zip(y).zip(pixels).zip(bands) {
+        let inside = ax.holds(x) & ay.holds(y);
+        let row = ay.index(y);
+        *pixel = ((row * width + ax.index(x)) + WHOLE).to_bits() as u32;
+        let b = ((row + WHOLE).to_bits() as u32) >> layout.shift;
+        *band = if inside { b } else { outside };
+    }
+}
+
+fn count(
+    sorted: &[Sorted],
+    layout: &Layout,
+    bands: &[Mutex<&mut [f32]>],
+    first: bool,
+    run: &dyn Run,
+) -> Result<(), Cancelled> {
+    // Tiles that tasks have done with, so that their memory is touched once.
+    let tiles: Mutex<Vec<Vec<u32>>> = Mutex::default();
+    run.parallel(bands.len(), &|b| {
+        if run.cancelled() {
+            return;
+        }
+        let Ok(mut out) = bands[b].lock() else { return };
+        let mut tile = tiles
+            .lock()
+            .ok()
+            .and_then(|mut t| t.pop())
+            .unwrap_or_default();
+        tile.clear();
+        tile.resize(out.len(), 0);
+        let low = (b * layout.field.x.count()) << layout.shift;
+        for s in sorted.iter().filter(|s| s.starts.len() > b + 1) {
+            for &pixel in &s.pixels[s.starts[b] as usize..s.starts[b + 1] as usize] {
+                tile[pixel as usize - low] += 1;
+            }
+        }
+        if first {
+            out.iter_mut().zip(&tile).for_each(|(o, &n)| *o = n as f32);
+        } else {
+            out.iter_mut()
+                .zip(&tile)
+                .for_each(|(o, &n)| *o = (f64::from(*o) + f64::from(n)) as f32);
+        }
+        if let Ok(mut t) = tiles.lock() {
+            t.push(tile);
+        }
+    });
+    if run.cancelled() {
+        Err(Cancelled)
+    } else {
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::field::{Bounds, IMAGE_BYTES, extent, field};
+    use crate::grid::Axis;
+    use crate::testing::{Random, Threads};
+
+    fn plane(x: f64, y: f64, size: f64, width: usize, height: usize) -> Field {
+        Field {
+            x: Axis::at(x, size, width).unwrap(),
+            y: Axis::at(y, size, height).unwrap(),
+        }
+    }
+
+    fn image(x: &[f64], y: &[f64], field: &Field) -> (Vec<f32>, Counted) {
+        let mut out = vec![f32::NAN; field.pixels()];
+        let counted = histogram2d(x, y, field, &mut out, &Threads(2)).unwrap();
+        (out, counted)
+    }
+
+    fn covering(x: &[f64], y: &[f64], size: f64) -> Field {
+        let extent = |v: &[f64]| extent(v, &Threads(2)).unwrap();
+        field(
+            &Bounds::default(),
+            size,
+            extent(x),
+            extent(y),
+            IMAGE_BYTES,
+            4,
+        )
+        .unwrap()
+    }
+
+    #[test]
+    fn counts_are_those_of_a_plain_loop() {
+        let mut random = Random::new(1);
+        for (count, width, height) in [
+            (150_000, 300, 210),
+            (1000, 2000, 3),
+            (5000, 1, 900),
+            (1, 1, 1),
+        ] {
+            let x = random.many(count, -30.0, 10.0 * width as f64 + 30.0);
+            let y = random.many(count, -30.0, 10.0 * height as f64 + 30.0);
+            let (found, counted) = image(&x, &y, &plane(0.0, 0.0, 10.0, width, height));
+            let mut truth = vec![0.0; width * height];
+            for (x, y) in x.iter().zip(&y) {
+                let (i, j) = ((x / 10.0).floor(), (y / 10.0).floor());
+                if (0.0..width as f64).contains(&i) && (0.0..height as f64).contains(&j) {
+                    truth[j as usize * width + i as usize] += 1.0;
+                }
+            }
+            assert!(found == truth);
+            assert_eq!(counted.inside as f32, truth.iter().sum::<f32>());
+            assert_eq!(counted.inside + counted.outside, count as u64);
+        }
+    }
+
+    #[test]
+    fn edges_belong_to_the_pixel_above() {
+        for size in [0.1, 0.3, 10.0, 49.0] {
+            let edges: Vec<f64> = (0..=20).map(|k| f64::from(k) * size).collect();
+            let zero = vec![0.0; 21];
+            let (found, counted) = image(&edges, &zero, &plane(0.0, 0.0, size, 20, 1));
+            assert!(found.iter().all(|v| *v == 1.0), "{size} {found:?}");
+            assert_eq!((counted.inside, counted.outside), (20, 1));
+        }
+    }
+
+    #[test]
+    fn shift_swap_order_duplicates_and_threads() {
+        let mut random = Random::new(2);
+        let x = random.many(100_000, -4000.0, 9000.0);
+        let y = random.many(100_000, 100.0, 8000.0);
+        for size in [10.0, 7.5, 0.1 * 130.0] {
+            let field = covering(&x, &y, size);
+            let (still, counted) = image(&x, &y, &field);
+            assert_eq!(
+                counted,
+                Counted {
+                    inside: 100_000,
+                    ..Counted::default()
+                }
+            );
+            let mx: Vec<f64> = x.iter().map(|x| x + 3.0 * size).collect();
+            let my: Vec<f64> = y.iter().map(|y| y - 5.0 * size).collect();
+            let moved = covering(&mx, &my, size);
+            assert_eq!(
+                (moved.x.count(), moved.y.count()),
+                (field.x.count(), field.y.count())
+            );
+            assert!((moved.x.origin() - field.x.origin() - 3.0 * size).abs() < 1e-9);
+            assert!(image(&mx, &my, &moved).0 == still, "{size}");
+            let swapped = image(
+                &y,
+                &x,
+                &Field {
+                    x: field.y,
+                    y: field.x,
+                },
+            )
+            .0;
+            let (w, h) = (field.x.count(), field.y.count());
+            assert!((0..w * h).all(|i| still[i] == swapped[(i % w) * h + i / w]));
+            let turned = [&x, &y].map(|v| v.iter().rev().copied().collect::<Vec<f64>>());
+            assert!(image(&turned[0], &turned[1], &field).0 == still);
+            let doubled = image(&[&x[..], &x].concat(), &[&y[..], &y].concat(), &field).0;
+            assert!(doubled.iter().zip(&still).all(|(d, s)| *d == 2.0 * s));
+            let mut one = vec![0.0; field.pixels()];
+            histogram2d(&x, &y, &field, &mut one, &Threads(1)).unwrap();
+            assert!(one == still);
+        }
+    }
+
+    #[test]
+    fn rows_that_are_no_positions_are_left_out() {
+        let x = [5.0, f64::NAN, f64::INFINITY, 1e300, -0.0, 10.0, 5.0];
+        let y = [5.0, 5.0, 5.0, 5.0, 0.0, 5.0, f64::NEG_INFINITY];
+        let (found, counted) = image(&x, &y, &plane(0.0, 0.0, 10.0, 1, 1));
+        assert_eq!(found, [2.0]);
+        assert_eq!(
+            counted,
+            Counted {
+                inside: 2,
+                outside: 2,
+                invalid: 3
+            }
+        );
+        let (found, counted) = image(&[], &[], &plane(0.0, 0.0, 10.0, 3, 2));
+        assert!(found.iter().all(|v| *v == 0.0) && counted == Counted::default());
+        let same = vec![-7.25; 200_000];
+        let field = covering(&same, &same, 10.0);
+        assert_eq!(image(&same, &same, &field).0, [200_000.0]);
+    }
+}

@@ -1,0 +1,302 @@
+//! The reader as an operation.
+
+use crate::columns::{ColumnMut, TextMut};
+use crate::dialect::Flavour;
+use crate::options::{Delimiter, Options};
+use crate::piece;
+use crate::read::Stop;
+use crate::schema::{ColumnPlan, Kind};
+use crate::table::Table;
+use crate::units::UNKNOWN;
+use puncta_sdk::output;
+use puncta_sdk::prelude::*;
+use puncta_sdk::serde_json::json;
+use std::path::Path;
+
+const EXAMPLE: &str = concat!(
+    "\"id\",\"frame\",\"x [nm]\",\"y [nm]\",\"sigma [nm]\",\"intensity [photon]\",",
+    "\"uncertainty_xy [nm]\"\n",
+    "1,1,1200.5,840.25,130.1,1520,9.4\n",
+    "2,1,2210.75,400.5,128.4,980,11.8\n",
+    "3,2,1201.1,841,131.2,1433,9.7\n",
+);
+/// How often the plan may change while a file is read, for each of its columns.
+const CHANGES: usize = 4;
+
+/// Reads a table of localisations from text with named columns.
+#[derive(Debug, Params)]
+pub struct ReadText {
+    /// Names of all columns in order, such as x,y,t (- leaves one out), or pairs such as Frame=t.
+    #[param(default = "")]
+    columns: String,
+    /// Units of columns, such as x=um, y=um, or one unit for all lengths that have none, such as nm.
+    #[param(default = "")]
+    units: String,
+    /// Columns that hold words even where they look like numbers, separated by commas.
+    #[param(default = "")]
+    text: String,
+    /// Camera pixel, for columns in px.
+    #[param(min = 0.001, max = 1e6, unit = "nm")]
+    pixel_size: Option<f64>,
+    /// Number of the first frame in the file.
+    #[param(default = FrameBase::Auto)]
+    frame_base: FrameBase,
+    /// Exchanges x and y, with their errors and widths.
+    #[param(default = false)]
+    swap_xy: bool,
+    /// Multiplies z and its error, for the mismatch of refractive indices.
+    #[param(default = 1.0, min = -1000.0, max = 1000.0, unit = "1")]
+    z_factor: f64,
+    /// What stands between values.
+    #[param(default = Separator::Auto)]
+    delimiter: Separator,
+    /// Lines to leave out at the start of the file.
+    #[param(default = 0, max = 1e9)]
+    skip_rows: u64,
+}
+
+/// Where frames start.
+#[derive(Choice, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FrameBase {
+    /// As the kind of file says: 1 for ThunderSTORM, otherwise 0.
+    Auto,
+    /// The first frame is 0.
+    Zero,
+    /// The first frame is 1.
+    One,
+}
+
+/// What stands between values.
+#[derive(Choice, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Separator {
+    /// Reading: found out from the file. Writing: by its suffix.
+    Auto,
+    /// A comma.
+    Comma,
+    /// A tab.
+    Tab,
+    /// A semicolon.
+    Semicolon,
+    /// A vertical bar.
+    Bar,
+    /// Any run of blanks and tabs.
+    Space,
+}
+
+impl Separator {
+    /// The delimiter, if one is said.
+    pub fn delimiter(self) -> Option<Delimiter> {
+        Some(match self {
+            Separator::Auto => return None,
+            Separator::Comma => Delimiter::Byte(b','),
+            Separator::Tab => Delimiter::Byte(b'\t'),
+            Separator::Semicolon => Delimiter::Byte(b';'),
+            Separator::Bar => Delimiter::Byte(b'|'),
+            Separator::Space => Delimiter::Blanks,
+        })
+    }
+}
+
+impl ReadText {
+    fn options(&self) -> Result<Options, Failure> {
+        let mut options = Options {
+            pixel_size: self.pixel_size,
+            frame_base: match self.frame_base {
+                FrameBase::Auto => None,
+                FrameBase::Zero => Some(0),
+                FrameBase::One => Some(1),
+            },
+            swap_xy: self.swap_xy,
+            z_factor: self.z_factor,
+            delimiter: self.delimiter.delimiter(),
+            skip_rows: self.skip_rows,
+            ..Options::default()
+        };
+        options.set_columns(&self.columns)?;
+        options.set_units(&self.units)?;
+        options.set_text(&self.text);
+        Ok(options)
+    }
+}
+
+impl Operation for ReadText {
+    const ID: &'static str = "puncta.text.read/1";
+
+    fn info() -> Info {
+        Info::reader("Text tables", &[".csv", ".tsv", ".txt", ".xls"])
+            .description(
+                "Reads localisations from text with named columns: ThunderSTORM csv, PYME text, \
+                 vLUME, ELYRA, SMAP csv, SMLM challenge, and any csv, tsv or blank-separated table.\n\
+                 Names and units come from the header (`x [nm]`, `x (um)`, `x_nm`); lengths become \
+                 nm and frames count from 0. A unit that the file does not say stays unknown until \
+                 it is said here. Columns without names open with a list of names. A row that \
+                 cannot be read is an error with its line; none is dropped.",
+            )
+            .formats(&[], &["ThunderSTORM csv", "PYME text", "vLUME text", "csv", "tsv"])
+            .generic()
+            .output(Ports::table("localisations").description("One row a line of the file."))
+            .cite("10.1093/bioinformatics/btu202")
+            .example(json!({}))
+            .example_text("thunderstorm.csv", EXAMPLE)
+    }
+
+    fn prepare(&self, request: &Request) -> Result<Plan, Failure> {
+        let file = request.file.as_ref();
+        let file = file.ok_or_else(|| Failure::internal("the call has no file"))?;
+        let table = Table::open(Path::new(&file.path), &file.name, &self.options()?)?;
+        let mut plan = Plan {
+            interruptible: true,
+            memory: table.copied_bytes() + 16 * piece::SIZE as u64,
+            ..Plan::default()
+        };
+        plan.outputs.push(Output {
+            output: "localisations".into(),
+            form: OutputForm::Object,
+            of: None,
+            header: header(&table),
+        });
+        plan.probe = Some(Probe {
+            format: format(&table),
+            confidence: confidence(&table),
+        });
+        plan.notes = notes(&table);
+        Ok(plan)
+    }
+
+    fn run(&self, job: &Job) -> Result<(), Failure> {
+        let file = job.file()?;
+        let mut table = Table::open(Path::new(&file.path), &file.name, &self.options()?)?;
+        for _ in 0..=CHANGES * table.plan.columns.len() {
+            let mut out = job.begin("localisations", header(&table))?;
+            // Memory for the rows that the sample promises; a file with more takes the rest later.
+            let promised = table.plan.expected_rows + table.plan.expected_rows / 64 + 64;
+            let promised = promised.min(table.plan.max_rows);
+            out.commit(0, promised)?;
+            let read = {
+                let columns = out.columns_mut(0)?.into_iter().map(column);
+                let mut columns: Vec<ColumnMut<'_>> = columns.collect::<Result<_, _>>()?;
+                table.read(&mut columns, job, &|_| Ok(()))
+            };
+            match read {
+                Ok(rows) => {
+                    if rows > promised {
+                        out.commit(0, rows - promised)?;
+                    }
+                    return out.finish_rows(&[rows]);
+                }
+                Err(Stop::Failed(failure)) => return Err(failure),
+                Err(Stop::Replan(change)) => table.plan.apply(&change),
+            }
+        }
+        Err(Failure::internal("the types of the columns do not settle"))
+    }
+}
+
+/// A column of the host as the core fills it.
+fn column(column: output::ColumnMut<'_>) -> Result<ColumnMut<'_>, Failure> {
+    Ok(match column {
+        output::ColumnMut::F64(s) => ColumnMut::F64(s),
+        output::ColumnMut::F32(s) => ColumnMut::F32(s),
+        output::ColumnMut::I64(s) => ColumnMut::I64(s),
+        output::ColumnMut::I32(s) => ColumnMut::I32(s),
+        output::ColumnMut::I16(s) => ColumnMut::I16(s),
+        output::ColumnMut::I8(s) => ColumnMut::I8(s),
+        output::ColumnMut::U64(s) => ColumnMut::U64(s),
+        output::ColumnMut::U32(s) => ColumnMut::U32(s),
+        output::ColumnMut::U16(s) => ColumnMut::U16(s),
+        output::ColumnMut::U8(s) | output::ColumnMut::Bool(s) => ColumnMut::U8(s),
+        output::ColumnMut::Utf8(texts) => ColumnMut::Text(TextMut::new(texts.offsets, texts.bytes)),
+        output::ColumnMut::Dictionary(..) => {
+            return Err(Failure::internal("a dictionary was not asked for"));
+        }
+    })
+}
+
+fn header(table: &Table) -> Header {
+    let info = |plan: &ColumnPlan| {
+        let element = Element::from_name(plan.kind.name()).unwrap_or(Element::F64);
+        let mut info = ColumnInfo::new(&plan.name, element, &plan.unit).source(&plan.source);
+        info.role.clone_from(&plan.role);
+        if !plan.description.is_empty() {
+            info = info.description(&plan.description);
+        }
+        if plan.kind == Kind::Text {
+            info = info.text_bytes(table.text_room());
+        }
+        info
+    };
+    let columns = table.plan.columns.iter().map(info).collect();
+    let mut header = Header::table("localisations", table.plan.max_rows, columns);
+    header
+        .metadata
+        .insert("format".into(), format(table).into());
+    if !table.dialect.comments.is_empty() {
+        header
+            .metadata
+            .insert("comments".into(), table.dialect.comments.clone().into());
+    }
+    header
+}
+
+fn format(table: &Table) -> String {
+    let tab = table.dialect.delimiter == Delimiter::Byte(b'\t');
+    match table.dialect.flavour {
+        Flavour::Named if tab => "tsv".into(),
+        Flavour::Named => "csv".into(),
+        Flavour::ThunderStorm => "ThunderSTORM csv".into(),
+        other => format!("{} text", other.label()),
+    }
+}
+
+fn confidence(table: &Table) -> f64 {
+    match table.dialect.flavour {
+        Flavour::Named if table.has("x") && table.has("y") => 0.6,
+        Flavour::Named => 0.3,
+        _ => 0.95,
+    }
+}
+
+/// What the person should know about the columns.
+fn notes(table: &Table) -> Vec<String> {
+    let mut notes = Vec::new();
+    let file = &table.dialect.file;
+    if !(table.has("x") && table.has("y")) {
+        notes.push(format!(
+            "{file} has no columns x and y, so it is a table without positions; name them with \
+             columns, such as \"Position X=x, Position Y=y\"."
+        ));
+    }
+    let bare = |c: &&ColumnPlan| c.role.as_deref() == Some("position") && c.unit == UNKNOWN;
+    let bare: Vec<&str> = table
+        .plan
+        .columns
+        .iter()
+        .filter(bare)
+        .map(|c| c.name.as_str())
+        .collect();
+    if !bare.is_empty() {
+        let pixels = table
+            .plan
+            .columns
+            .iter()
+            .any(|c| c.description.contains("camera pixels"));
+        let remedy = if pixels {
+            "pixel_size"
+        } else {
+            "units, such as nm or um"
+        };
+        notes.push(format!(
+            "The unit of {} in {file} is unknown; give {remedy}.",
+            bare.join(", ")
+        ));
+    }
+    if table.plan.columns.iter().any(|c| c.base_guessed) {
+        let label = table.dialect.flavour.label();
+        notes.push(format!(
+            "Frames of {label} files count from 1; here they count from 0."
+        ));
+    }
+    notes
+}
+
+register!(ReadText);

@@ -1,0 +1,223 @@
+//! Real files of many programs, compared with what other programs say of them (`tests/expected`).
+//! Files that are not there, or are other files of the same name, are skipped.
+
+use puncta_engine::documents::{ColumnInfo, Element, Map, units};
+use puncta_engine::store::ColumnData;
+use puncta_engine::{Isolation, Object};
+use puncta_tests::{Bundle, root, shared_data, unwatched};
+use serde_json::Value;
+
+/// Compares every file of one list. Returns how many were there.
+fn compare(list: &str, packages: &[&str], options: &dyn Fn(&str) -> Map) -> usize {
+    let Some(data) = shared_data() else { return 0 };
+    let text = std::fs::read_to_string(root().join("tests/expected").join(list)).unwrap();
+    let expected: Value = serde_json::from_str(&text).unwrap();
+    let engine = Bundle::of(packages).engine(Isolation::ByPlugin);
+    let mut problems = Vec::new();
+    let mut compared = 0;
+    for file in expected["files"].as_array().unwrap() {
+        let name = file["file"].as_str().unwrap();
+        let path = data.join(name);
+        let Ok(bytes) = std::fs::read(&path) else {
+            continue;
+        };
+        if sha256(&bytes) != file["sha256"].as_str().unwrap() {
+            continue;
+        }
+        compared += 1;
+        match engine.read(&path, None, &options(name), &unwatched()) {
+            Ok(read) => {
+                for object in file["objects"].as_array().unwrap() {
+                    let wanted = object["object"].as_str().unwrap();
+                    match read.object(Some(wanted)) {
+                        Ok(ours) => check_object(name, object, ours, &mut problems),
+                        Err(failure) => problems.push(format!("{name}: {failure}")),
+                    }
+                }
+            }
+            Err(failure) => problems.push(format!("{name}: {failure}")),
+        }
+    }
+    assert!(
+        problems.is_empty(),
+        "{} differences:\n{}",
+        problems.len(),
+        problems.join("\n")
+    );
+    compared
+}
+
+/// The list names its files by SHA-256, which the system's own program computes.
+fn sha256(bytes: &[u8]) -> String {
+    use std::io::Write;
+    use std::process::{Command, Stdio};
+    let mut child = Command::new("sha256sum")
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect("sha256sum is installed");
+    child.stdin.take().unwrap().write_all(bytes).unwrap();
+    let output = child.wait_with_output().unwrap();
+    String::from_utf8_lossy(&output.stdout)
+        .split_whitespace()
+        .next()
+        .unwrap_or("")
+        .to_owned()
+}
+
+fn check_object(file: &str, expected: &Value, ours: &Object, problems: &mut Vec<String>) {
+    let rows = expected["rows"].as_u64().unwrap();
+    if ours.header().rows() != rows {
+        problems.push(format!("{file}: {} rows, not {rows}", ours.header().rows()));
+        return;
+    }
+    for column in expected["columns"].as_array().unwrap() {
+        let source = column["source"].as_str().unwrap();
+        let infos = &ours.header().parts[0].columns;
+        let found = infos.iter().find(|info| match column["name"].as_str() {
+            Some(name) => info.name == name,
+            None => info.source.as_deref().unwrap_or(&info.name) == source,
+        });
+        let Some(info) = found else {
+            let names: Vec<&str> = infos.iter().map(|info| info.name.as_str()).collect();
+            let place = column["name"].as_str().unwrap_or(source);
+            problems.push(format!(
+                "{file}: no column {place}, but {}",
+                names.join(" ")
+            ));
+            continue;
+        };
+        let data = ours.column(0, &info.name).unwrap();
+        if let Err(why) = check_column(column, info, &data) {
+            problems.push(format!("{file}: column {}: {why}", info.name));
+        }
+    }
+}
+
+fn check_column(expected: &Value, info: &ColumnInfo, data: &ColumnData) -> Result<(), String> {
+    if expected["type"] == "text" || expected.get("distinct").is_some() {
+        if !info.type_.element.is_text() {
+            return Err("holds numbers, not texts".into());
+        }
+        return Ok(());
+    }
+    let mut factor = 1.0;
+    if let Some(unit) = expected["unit"].as_str() {
+        factor = units::conversion(unit, &info.unit)
+            .map_err(|_| format!("has the unit {}, not {unit}", info.unit))?;
+        if expected["name"].is_string() && info.unit != unit {
+            return Err(format!("has the unit {}, not {unit}", info.unit));
+        }
+    }
+    let values = numbers(data).ok_or("holds texts, not numbers")?;
+    let missing = values.iter().filter(|value| value.is_nan()).count() as u64;
+    if Some(missing) != expected["nan"].as_u64() {
+        return Err(format!(
+            "{missing} values are missing, not {}",
+            expected["nan"]
+        ));
+    }
+    let there = || values.iter().copied().filter(|value| !value.is_nan());
+    let sum_abs = expected["sum_abs"].as_f64().unwrap_or(0.0) * factor;
+    // Sums in another order, and conversions that round each value.
+    let rounding = if info.type_.element == Element::F32 {
+        1.2e-7
+    } else {
+        2.3e-16
+    };
+    let slack = sum_abs * (values.len() as f64 * 2.3e-16 + rounding);
+    let pairs = [
+        ("min", there().fold(f64::INFINITY, f64::min), f64::EPSILON),
+        (
+            "max",
+            there().fold(f64::NEG_INFINITY, f64::max),
+            f64::EPSILON,
+        ),
+        ("sum", there().sum(), 0.0),
+    ];
+    for (name, ours, relative) in pairs {
+        let Some(theirs) = expected[name].as_f64().map(|value| value * factor) else {
+            continue;
+        };
+        let allowed = if name == "sum" {
+            slack
+        } else {
+            theirs.abs() * (relative + rounding)
+        };
+        if (ours - theirs).abs() > allowed {
+            return Err(format!("{name} is {ours}, not {theirs}"));
+        }
+    }
+    Ok(())
+}
+
+fn numbers(data: &ColumnData) -> Option<Vec<f64>> {
+    let region = data.data.as_ref()?;
+    macro_rules! all {
+        ($type:ty) => {
+            Some(
+                region
+                    .slice::<$type>()
+                    .iter()
+                    .map(|value| *value as f64)
+                    .collect(),
+            )
+        };
+    }
+    match data.type_.element {
+        Element::U8 | Element::Bool => all!(u8),
+        Element::I8 => all!(i8),
+        Element::U16 => all!(u16),
+        Element::I16 => all!(i16),
+        Element::U32 => all!(u32),
+        Element::I32 => all!(i32),
+        Element::U64 => all!(u64),
+        Element::I64 => all!(i64),
+        Element::F32 => all!(f32),
+        Element::F64 => all!(f64),
+        Element::Utf8 | Element::Dictionary => None,
+    }
+}
+
+fn no_options(_file: &str) -> Map {
+    Map::new()
+}
+
+fn all_compared(list: &str, compared: usize, least: usize) {
+    if shared_data().is_some() {
+        assert!(
+            compared >= least,
+            "only {compared} files of {list} were compared"
+        );
+    }
+}
+
+#[test]
+fn thunderstorm() {
+    let compared = compare("thunderstorm.json", &["puncta_plugin_text"], &no_options);
+    all_compared("thunderstorm.json", compared, 6);
+}
+
+#[test]
+fn named_columns() {
+    let compared = compare("named-text.json", &["puncta_plugin_text"], &no_options);
+    all_compared("named-text.json", compared, 15);
+}
+
+#[test]
+fn pyme_text() {
+    let compared = compare("pyme-text.json", &["puncta_plugin_text"], &no_options);
+    all_compared("pyme-text.json", compared, 1);
+}
+
+#[test]
+fn picasso() {
+    let compared = compare("picasso.json", &["puncta_plugin_hdf5"], &no_options);
+    all_compared("picasso.json", compared, 5);
+}
+
+#[test]
+fn pyme_fit_results() {
+    let compared = compare("h5r.json", &["puncta_plugin_hdf5"], &no_options);
+    all_compared("h5r.json", compared, 1);
+}
