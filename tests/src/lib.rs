@@ -71,7 +71,10 @@ impl Bundle {
     /// Packs these packages' libraries.
     #[must_use]
     pub fn of(packages: &[&str]) -> Bundle {
-        let folder = tempfile::tempdir().expect("a temporary folder");
+        // Beside the build's products, so that libraries can be linked instead of copied.
+        let place = build_folder().join("test-bundles");
+        std::fs::create_dir_all(&place).expect("a folder");
+        let folder = tempfile::tempdir_in(place).expect("a temporary folder");
         let workers = Arc::new(puncta_engine::worker::Pool::new(program(), 1));
         for package in packages {
             let library = library(package);

@@ -1,4 +1,5 @@
 //! Calls through the engine, in this process and in workers: the same plugin, the same bits.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use puncta_engine::documents::{FailureCode, Kind, Map};
 use puncta_engine::engine::{Called, Invocation};
@@ -206,7 +207,8 @@ fn wrong_calls_are_refused_in_one_sentence() {
         .outputs[1]
         .1
         .clone();
-    let cases: [(&str, Value, &[(&str, &Object)], &str); 6] = [
+    type Case<'a> = (&'a str, Value, &'a [(&'a str, &'a Object)], &'a str);
+    let cases: [Case<'_>; 6] = [
         (
             "test.none/1",
             json!({}),
@@ -290,7 +292,7 @@ fn cancelled(engine: &Engine, operation: &str, parameters: Value) -> Duration {
         parameters: parameters.as_object().cloned().unwrap_or_default(),
         ..Invocation::default()
     };
-    let stopped = std::thread::scope(|scope| {
+    std::thread::scope(|scope| {
         let call = scope.spawn(|| (engine.call(&invocation, &progress), Instant::now()));
         std::thread::sleep(Duration::from_millis(600));
         let told = Instant::now();
@@ -298,8 +300,7 @@ fn cancelled(engine: &Engine, operation: &str, parameters: Value) -> Duration {
         let (result, end) = call.join().unwrap();
         assert_eq!(result.unwrap_err().code, FailureCode::Cancelled);
         end - told
-    });
-    stopped
+    })
 }
 
 #[test]

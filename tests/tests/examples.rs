@@ -1,5 +1,6 @@
 //! Every operation's declared example runs, with the same bits in this process and in a worker,
 //! and with one, two and three threads. An operation without an example fails.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use puncta_engine::documents::manifest::{Example, Step};
 use puncta_engine::documents::{Map, Operation, OperationKind};

@@ -3,6 +3,7 @@
 use crate::cli::NAME;
 use crate::output::{self, Output};
 use puncta_engine::documents::{Failure, FailureCode, Map};
+use serde_json::Value;
 use std::io::Write;
 
 /// How a command ended.
@@ -39,16 +40,24 @@ fn code(failure: &Failure) -> u8 {
 }
 
 /// Prints why a command failed, and gives the exit code.
-pub fn report(failure: &Failure, json: bool, output: &Output) -> u8 {
+pub fn report(failure: &Failure, as_json: bool, output: &Output) -> u8 {
     say(&sentence(failure));
-    if json {
+    if as_json {
         let mut map = Map::new();
-        let error = serde_json::to_value(failure).unwrap_or_else(|_| failure.to_string().into());
-        map.insert("error".into(), error);
+        map.insert("error".into(), json(failure));
         // The exit code already tells of a failure.
         let _ = output.json(&map.into());
     }
     code(failure)
+}
+
+/// A failure as JSON.
+pub fn json(failure: &Failure) -> Value {
+    let mut value = serde_json::to_value(failure).unwrap_or_default();
+    if let Some(members) = value.as_object_mut() {
+        members.remove("format");
+    }
+    value
 }
 
 /// The sentence for a failure.

@@ -133,7 +133,7 @@ impl Drop for Watch {
 
 fn bar() -> ProgressBar {
     let bar = ProgressBar::with_draw_target(Some(STEPS), ProgressDrawTarget::stderr());
-    let style = ProgressStyle::with_template("{bar:24} {percent:>3} % {eta:>4}  {wide_msg}");
+    let style = ProgressStyle::with_template("{bar:24} {percent:>3} %  {elapsed}  {wide_msg}");
     if let Ok(style) = style {
         bar.set_style(style);
     }

@@ -273,8 +273,11 @@ pub fn text(provenance: &Provenance) -> String {
 /// When there is none, or it is damaged.
 pub fn read(path: &Path) -> Result<Provenance, Failure> {
     let text = std::fs::read_to_string(path).map_err(|error| Failure::io("read", path, &error))?;
-    puncta_documents::parse(&text, PROVENANCE)
-        .map_err(|why| Failure::bad_file(format!("{} is {why}", path.display())))
+    let mut read: Provenance = puncta_documents::parse(&text, PROVENANCE)
+        .map_err(|why| Failure::bad_file(format!("{} is {why}", path.display())))?;
+    // It is written anew with every document.
+    read.rest.remove("format");
+    Ok(read)
 }
 
 #[cfg(test)]

@@ -236,13 +236,12 @@ typedef struct {
 // Instruments: the plugin's side. What moves or settles is started, then polled: a function with
 // `seconds` (finite, 0 or more) returns at most 50 ms after them, every other function at once.
 //
-// One thread calls a device, and may call several. Only `halt` is called from any thread, while
-// the device is open: never before `open` or after `close` returned, nor during `close`.
+// One thread calls a device, and may call several. Only `halt` may come from any thread, after
+// `open` has returned and before `close` is called; the host sees to that order.
 //
 // Where the status is not 0, `message` receives a sentence that stays valid until the next call of
-// a function of this table on the same thread. `device` is no longer used after `close`; every
-// device is closed before its `instance` is destroyed. When the host goes away, its worker calls
-// `halt`, `safe_state` and `close`, and ends.
+// a function of this table on the same thread. Every device is closed before its `instance` is
+// destroyed. When the host goes away, its worker calls `halt`, `safe_state` and `close`, and ends.
 typedef struct {
   // `size_of::<DeviceCore1>()`.
   uint32_t size;
@@ -271,8 +270,8 @@ typedef struct {
                     uint64_t *token,
                     puncta_str *message);
   // Waits for a token: `done` is 0 while it runs, which is no failure, and 1 when the property
-  // has arrived and settled. 0 seconds: looks only. The token ends with `done`, with a failure,
-  // and by `halt`, `safe_state` or a later `start` of the property: then `STATUS_CANCELLED`.
+  // has arrived and settled. 0 seconds: looks only. `STATUS_CANCELLED` after `halt`,
+  // `safe_state` or a later `start` of the property, whatever the token's motion came to.
   uint32_t (*poll)(uint64_t device,
                    uint64_t token,
                    double seconds,

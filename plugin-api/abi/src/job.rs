@@ -29,6 +29,8 @@ pub struct Job1 {
     pub threads: Option<unsafe extern "C" fn(job: u64) -> u32>,
     /// Calls `task` for ranges that together cover `0..count`, each at most `grain` long, on the
     /// host's threads, and returns when all are done, with the first result other than 0.
+    // Written out, since generators of other languages' headers do not look through a type alias.
+    #[allow(clippy::type_complexity)]
     pub parallel_for: Option<
         unsafe extern "C" fn(
             job: u64,

@@ -35,3 +35,5 @@ puncta_sdk::plugin! {
     isolation: "worker",
     reentrant: false,
 }
+
+puncta_sdk::register!(ReadHdf5);

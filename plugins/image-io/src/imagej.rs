@@ -24,70 +24,87 @@ pub(crate) struct Description<'a> {
 impl Description<'_> {
     /// The text for an image with this grid.
     pub(crate) fn text(&self, info: &ImageInfo) -> String {
+        let mut lines = Lines(String::new());
+        lines.planes(info);
+        lines.space(info);
+        if info.frame_time > 0.0 {
+            lines.add("finterval", info.frame_time);
+            lines.add("tunit", "sec");
+        }
+        if let Some([offset, step]) = self.linear {
+            lines.add("cf", 0);
+            lines.add("c0", offset);
+            lines.add("c1", step);
+            let unit = if self.unit == "1" { "value" } else { self.unit };
+            lines.add("vunit", escaped(unit));
+        }
+        lines.add("min", self.display[0]);
+        lines.add("max", self.display[1]);
+        for (i, name) in info.channels.iter().enumerate() {
+            lines.add(&format!("channel{}", i + 1), escaped(name));
+        }
+        if let Some(comment) = self.comment {
+            lines.add("comment", escaped(comment));
+        }
+        lines.0
+    }
+}
+
+/// The lines of a description.
+struct Lines(String);
+
+impl Lines {
+    fn add(&mut self, name: &str, value: impl std::fmt::Display) {
+        // Writing to a text does not fail.
+        let _ = writeln!(self.0, "{name}={value}");
+    }
+
+    /// Number and order of the planes.
+    fn planes(&mut self, info: &ImageInfo) {
         let [frames, channels, slices, ..] = info.size;
         let images = frames * channels * slices;
-        let mut text = format!("ImageJ=1.11a\nimages={images}\n");
-        let mut line = |name: &str, value: &dyn std::fmt::Display| {
-            // Writing to a text does not fail.
-            let _ = writeln!(text, "{name}={value}");
-        };
-        for (name, count) in [
+        self.add("ImageJ", "1.11a");
+        self.add("images", images);
+        let axes = [
             ("channels", channels),
             ("slices", slices),
             ("frames", frames),
-        ] {
-            if count > 1 {
-                line(name, &count);
-            }
+        ];
+        for (name, count) in axes.into_iter().filter(|(_, count)| *count > 1) {
+            self.add(name, count);
         }
         if images > 1 {
-            line("hyperstack", &true);
-            line(
-                "mode",
-                if channels > 1 {
-                    &"composite"
-                } else {
-                    &"grayscale"
-                },
-            );
-            line("loop", &false);
+            self.add("hyperstack", true);
+            let mode = if channels > 1 {
+                "composite"
+            } else {
+                "grayscale"
+            };
+            self.add("mode", mode);
+            self.add("loop", false);
         }
-        let [z, y, x] = info.voxel;
+    }
+
+    /// Size and place of the voxels.
+    fn space(&mut self, info: &ImageInfo) {
+        let ([z, y, x], [origin_z, origin_y, origin_x]) = (info.voxel, info.origin);
         if x > 0.0 {
-            line("unit", &"nm");
+            self.add("unit", "nm");
         }
         if z > 0.0 {
-            line("spacing", &z);
+            self.add("spacing", z);
         }
         let origins = [
-            ("xorigin", x, info.origin[2]),
-            ("yorigin", y, info.origin[1]),
+            ("xorigin", x, origin_x),
+            ("yorigin", y, origin_y),
+            ("zorigin", z, origin_z),
         ];
-        for (name, size, origin) in origins.into_iter().chain([("zorigin", z, info.origin[0])]) {
-            // In pixels, where the world's zero lies.
+        // In pixels, where the world's zero lies.
+        for (name, size, origin) in origins {
             if size > 0.0 && origin != 0.0 {
-                line(name, &(-origin / size));
+                self.add(name, -origin / size);
             }
         }
-        if info.frame_time > 0.0 {
-            line("finterval", &info.frame_time);
-            line("tunit", &"sec");
-        }
-        if let Some([offset, step]) = self.linear {
-            line("cf", &0);
-            line("c0", &offset);
-            line("c1", &step);
-            line("vunit", &if self.unit == "1" { "value" } else { self.unit });
-        }
-        line("min", &self.display[0]);
-        line("max", &self.display[1]);
-        for (i, name) in info.channels.iter().enumerate() {
-            line(&format!("channel{}", i + 1), &escaped(name));
-        }
-        if let Some(comment) = self.comment {
-            line("comment", &escaped(comment));
-        }
-        text
     }
 }
 

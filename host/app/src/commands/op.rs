@@ -37,14 +37,7 @@ pub fn run(
     operation: &Operation,
     mut given: Given,
 ) -> Result<Ended, Failure> {
-    if operation.kind != OperationKind::Operation {
-        let (kind, remedy) = match operation.kind {
-            OperationKind::Reader => ("reader", "use puncta info FILE, or puncta convert"),
-            _ => ("writer", "use puncta convert IN OUT"),
-        };
-        let message = format!("{} is a {kind} and no operation", operation.id);
-        return Err(Failure::bad_parameter("name", message).remedy(remedy));
-    }
+    check_kind(operation)?;
     flags::assigned(operation, &op.set, &mut given.parameters)?;
     // What is wrong is said before a large file is read.
     schema::canonical(&operation.parameters, &given.parameters)?;
@@ -56,24 +49,14 @@ pub fn run(
             .engine
             .can_save(path, op.writer.as_deref(), port.kind)?;
     }
+    let (reader, options) = (op.reader.as_deref(), &given.reader);
     let mut files = Files {
         context,
-        reader: op.reader.as_deref(),
-        options: &given.reader,
+        reader,
+        options,
         read: Vec::new(),
     };
-    let mut objects = Vec::new();
-    let mut names = Vec::new();
-    for input in &inputs {
-        let kind = operation
-            .inputs
-            .iter()
-            .find(|port| port.name == input.port)
-            .map(|p| p.kind);
-        let (name, object) = files.object(input, kind)?;
-        names.push(name);
-        objects.push((input.port.clone(), object));
-    }
+    let (names, objects) = files.objects(operation, &inputs)?;
     let invocation = Invocation {
         operation: operation.id.clone(),
         parameters: given.parameters,
@@ -102,6 +85,16 @@ pub fn run(
     }
     print(context, operation, &called, &saved)?;
     Ok(Ended::Done)
+}
+
+fn check_kind(operation: &Operation) -> Result<(), Failure> {
+    let (kind, remedy) = match operation.kind {
+        OperationKind::Operation => return Ok(()),
+        OperationKind::Reader => ("reader", "use puncta info FILE, or puncta convert"),
+        OperationKind::Writer => ("writer", "use puncta convert IN OUT"),
+    };
+    let message = format!("{} is a {kind} and no operation", operation.id);
+    Err(Failure::bad_parameter("name", message).remedy(remedy))
 }
 
 fn print(
@@ -140,6 +133,9 @@ fn print(
     )
 }
 
+/// Names, and objects by port.
+type Objects = (Vec<String>, Vec<(String, Object)>);
+
 /// Files that are read once, however often they are named.
 struct Files<'a> {
     context: &'a Context,
@@ -163,6 +159,18 @@ impl Files<'_> {
         };
         let found = self.read.get(place).map(|(_, read)| read);
         found.ok_or_else(|| Failure::internal("a file that was read is gone"))
+    }
+
+    /// Objects for all inputs: their names in the files, and the objects by port.
+    fn objects(&mut self, operation: &Operation, inputs: &[Input]) -> Result<Objects, Failure> {
+        let (mut names, mut objects) = Objects::default();
+        for input in inputs {
+            let port = operation.inputs.iter().find(|port| port.name == input.port);
+            let (name, object) = self.object(input, port.map(|port| port.kind))?;
+            names.push(name);
+            objects.push((input.port.clone(), object));
+        }
+        Ok((names, objects))
     }
 
     /// The named object, or the first of the kind that the port takes.

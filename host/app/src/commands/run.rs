@@ -2,7 +2,7 @@
 
 use crate::cli::Run;
 use crate::context::{Context, check_target, located};
-use crate::exit::{Ended, say, sentence};
+use crate::exit::{self, Ended, say, sentence};
 use crate::flags;
 use crate::output::{plain, table};
 use crate::saved::Saved;
@@ -103,7 +103,7 @@ fn refuse(path: &Path, problems: &[Problem]) -> Result<(), Failure> {
     };
     if !all.is_empty() {
         all.iter().for_each(|one| say(&sentence(one)));
-        let others = all.iter().filter_map(|one| serde_json::to_value(one).ok());
+        let others = all.iter().map(exit::json);
         last.rest.insert("others".into(), others.collect());
     }
     Err(last)
@@ -345,7 +345,7 @@ fn print(
             saved
                 .as_ref()
                 .err()
-                .map(|error| json!({ "file": file, "error": error }))
+                .map(|error| json!({ "file": file, "error": exit::json(error) }))
         });
         let steps = report.steps.iter().map(|step| entry(plan, step));
         return context.output.json(&json!({
@@ -386,7 +386,7 @@ fn entry(plan: &Checked, step: &StepReport) -> Value {
     });
     match &step.state {
         StepState::Failed(failure) => {
-            out["error"] = serde_json::to_value(failure).unwrap_or_default();
+            out["error"] = exit::json(failure);
         }
         StepState::Skipped { because } => out["because"] = (&**because).into(),
         _ => {}

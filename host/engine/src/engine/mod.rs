@@ -4,6 +4,7 @@ mod call;
 mod check;
 mod read;
 mod recipe;
+mod relay;
 mod save;
 mod write;
 

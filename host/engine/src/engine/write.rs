@@ -122,7 +122,13 @@ impl Engine {
                 size: None,
             }),
         };
-        let called = self.call(&invocation, progress)?;
+        let called = self.call(&invocation, progress).map_err(|mut failure| {
+            // The person knows nothing of the staging folder.
+            failure.message = failure
+                .message
+                .replace(path_text, &path.display().to_string());
+            failure
+        })?;
         let files = staging.publish()?;
         Ok(Written {
             files,

@@ -55,114 +55,117 @@ fn a_good_recipe_becomes_a_plan_in_order() {
     assert_eq!(checked.source("b.middle"), None);
 }
 
+/// Lines of a recipe, and what is said of them.
+const MISTAKES: &[(&str, &str)] = &[
+    (
+        "[steps.a]\nop = \"mock.ad/1\"",
+        "line 7, column 6: step a: mock.ad/1 is not installed; did you mean mock.add/1?",
+    ),
+    (
+        "[steps.a]\nop = \"mock.add/2\"",
+        "mock.add/2 is not installed; installed is mock.add/1, whose",
+    ),
+    (
+        "[steps.a]\nop = \"lab.secret/1\"",
+        "lab.secret/1 is not installed; install the plugin",
+    ),
+    (
+        "[steps.a]\nop = \"mock.csv.read/1\"",
+        "mock.csv.read/1 is a reader and no operation; name it in",
+    ),
+    (
+        "[steps.a]\nop = \"mock.csv.write/1\"\nin.object = \"locs\"",
+        "is a writer and no operation",
+    ),
+    (
+        "[steps.a]\nop = \"mock.add/1\"\nin.table = \"loks\"",
+        "line 8, column 12: step a: there is no input or step loks; did you mean locs?",
+    ),
+    (
+        "[steps.a]\nop = \"mock.add/1\"\nin.tabel = \"locs\"",
+        "line 8, column 4: step a: mock.add/1 has no input tabel; did you mean table?",
+    ),
+    (
+        "[steps.a]\nop = \"mock.add/1\"",
+        "line 6, column 8: step a: nothing is bound to its input table; add in.table",
+    ),
+    (
+        "[steps.a]\nop = \"mock.join/1\"\nin.tables = []",
+        "nothing is bound to its input tables",
+    ),
+    (
+        "[steps.a]\nop = \"mock.add/1\"\nin.table = \"picture\"",
+        "its input table takes a table, and picture is an image; bind a table",
+    ),
+    (
+        "[steps.a]\nop = \"mock.add/1\"\nin.table = [\"locs\", \"locs\"]",
+        "its input table takes one object, not 2",
+    ),
+    (
+        "[steps.p]\nop = \"mock.parts/1\"\nin.table = \"locs\"\n[steps.a]\nop = \"mock.add/1\"\nin.table = \"p\"",
+        "takes one object, and p may be several",
+    ),
+    (
+        "[steps.a]\nop = \"mock.add/1\"\nin.table = \"locs.x\"",
+        "locs is an input and has no output x; say object = \"x\" in [inputs.locs]",
+    ),
+    (
+        "[steps.s]\nop = \"mock.split/1\"\nin.table = \"locs\"\n[steps.a]\nop = \"mock.add/1\"\nin.table = \"s.lefd\"",
+        "the step s has no output lefd; did you mean left?",
+    ),
+    (
+        "[steps.a]\nop = \"mock.add/1\"\nin.table = \"locs\"\nset.amount = 2000",
+        "line 9, column 5: step a: parameter amount is 2000 nm, above 1000 nm",
+    ),
+    (
+        "[steps.a]\nop = \"mock.add/1\"\nin.table = \"locs\"\nset.amont = 2",
+        "there is no parameter amont; did you mean amount?",
+    ),
+    (
+        "[steps.a]\nop = \"mock.add/1\"\nin.table = \"locs\"\nset.zzz = 2",
+        "there is no parameter zzz; there are amount",
+    ),
+    (
+        "[steps.a]\nop = \"mock.range/1\"\nin.table = \"locs\"",
+        "parameter ranges needs a value",
+    ),
+    (
+        "[steps.a]\nop = \"mock.range/1\"\nin.table = \"locs\"\nset.ranges = { x = [\"1 mile\", 2] }",
+        "parameter ranges has the limit \"1 mile\" of x",
+    ),
+    (
+        "[inputs.b]\nkind = \"table\"\nreader = \"mock.csv.raed/1\"",
+        "input b: mock.csv.raed/1 is not installed; did you mean mock.csv.read/1?",
+    ),
+    (
+        "[inputs.b]\nkind = \"table\"\nreader = \"mock.add/1\"",
+        "mock.add/1 is an operation and not a reader",
+    ),
+    (
+        "[inputs.b]\nkind = \"table\"\nreader = \"mock.csv.read/1\"\noptions.amount = \"x\"",
+        "input b: parameter amount cannot be read",
+    ),
+    (
+        "[outputs]\n\"a.xyz\" = \"locs\"",
+        "no installed plugin writes files of this name; let it end with one of .any .csv",
+    ),
+    (
+        "[outputs]\n\"a.csv\" = \"nothing\"",
+        "output file \"a.csv\": there is no input or step nothing",
+    ),
+    (
+        "[outputs]\n\"a.csv\" = { from = \"locs\", set = { b = 1 } }",
+        "there is no parameter b",
+    ),
+    (
+        "[steps.p]\nop = \"mock.parts/1\"\nin.table = \"locs\"\n[outputs]\n\"a.csv\" = \"p\"",
+        "writes one object, and p may be several",
+    ),
+];
+
 #[test]
 fn every_mistake_is_named() {
-    for (lines, wanted) in [
-        (
-            "[steps.a]\nop = \"mock.ad/1\"",
-            "line 7, column 6: step a: mock.ad/1 is not installed; did you mean mock.add/1?",
-        ),
-        (
-            "[steps.a]\nop = \"mock.add/2\"",
-            "mock.add/2 is not installed; installed is mock.add/1, whose",
-        ),
-        (
-            "[steps.a]\nop = \"lab.secret/1\"",
-            "lab.secret/1 is not installed; install the plugin",
-        ),
-        (
-            "[steps.a]\nop = \"mock.csv.read/1\"",
-            "mock.csv.read/1 is a reader and no operation; name it in",
-        ),
-        (
-            "[steps.a]\nop = \"mock.csv.write/1\"\nin.object = \"locs\"",
-            "is a writer and no operation",
-        ),
-        (
-            "[steps.a]\nop = \"mock.add/1\"\nin.table = \"loks\"",
-            "line 8, column 12: step a: there is no input or step loks; did you mean locs?",
-        ),
-        (
-            "[steps.a]\nop = \"mock.add/1\"\nin.tabel = \"locs\"",
-            "line 8, column 4: step a: mock.add/1 has no input tabel; did you mean table?",
-        ),
-        (
-            "[steps.a]\nop = \"mock.add/1\"",
-            "line 6, column 8: step a: nothing is bound to its input table; add in.table",
-        ),
-        (
-            "[steps.a]\nop = \"mock.join/1\"\nin.tables = []",
-            "nothing is bound to its input tables",
-        ),
-        (
-            "[steps.a]\nop = \"mock.add/1\"\nin.table = \"picture\"",
-            "its input table takes a table, and picture is an image; bind a table",
-        ),
-        (
-            "[steps.a]\nop = \"mock.add/1\"\nin.table = [\"locs\", \"locs\"]",
-            "its input table takes one object, not 2",
-        ),
-        (
-            "[steps.p]\nop = \"mock.parts/1\"\nin.table = \"locs\"\n[steps.a]\nop = \"mock.add/1\"\nin.table = \"p\"",
-            "takes one object, and p may be several",
-        ),
-        (
-            "[steps.a]\nop = \"mock.add/1\"\nin.table = \"locs.x\"",
-            "locs is an input and has no output x; say object = \"x\" in [inputs.locs]",
-        ),
-        (
-            "[steps.s]\nop = \"mock.split/1\"\nin.table = \"locs\"\n[steps.a]\nop = \"mock.add/1\"\nin.table = \"s.lefd\"",
-            "the step s has no output lefd; did you mean left?",
-        ),
-        (
-            "[steps.a]\nop = \"mock.add/1\"\nin.table = \"locs\"\nset.amount = 2000",
-            "line 9, column 5: step a: parameter amount is 2000 nm, above 1000 nm",
-        ),
-        (
-            "[steps.a]\nop = \"mock.add/1\"\nin.table = \"locs\"\nset.amont = 2",
-            "there is no parameter amont; did you mean amount?",
-        ),
-        (
-            "[steps.a]\nop = \"mock.add/1\"\nin.table = \"locs\"\nset.zzz = 2",
-            "there is no parameter zzz; there are amount",
-        ),
-        (
-            "[steps.a]\nop = \"mock.range/1\"\nin.table = \"locs\"",
-            "parameter ranges needs a value",
-        ),
-        (
-            "[steps.a]\nop = \"mock.range/1\"\nin.table = \"locs\"\nset.ranges = { x = [\"1 mile\", 2] }",
-            "parameter ranges has the limit \"1 mile\" of x",
-        ),
-        (
-            "[inputs.b]\nkind = \"table\"\nreader = \"mock.csv.raed/1\"",
-            "input b: mock.csv.raed/1 is not installed; did you mean mock.csv.read/1?",
-        ),
-        (
-            "[inputs.b]\nkind = \"table\"\nreader = \"mock.add/1\"",
-            "mock.add/1 is an operation and not a reader",
-        ),
-        (
-            "[inputs.b]\nkind = \"table\"\nreader = \"mock.csv.read/1\"\noptions.amount = \"x\"",
-            "input b: parameter amount cannot be read",
-        ),
-        (
-            "[outputs]\n\"a.xyz\" = \"locs\"",
-            "no installed plugin writes files of this name; let it end with one of .any .csv",
-        ),
-        (
-            "[outputs]\n\"a.csv\" = \"nothing\"",
-            "output file \"a.csv\": there is no input or step nothing",
-        ),
-        (
-            "[outputs]\n\"a.csv\" = { from = \"locs\", set = { b = 1 } }",
-            "there is no parameter b",
-        ),
-        (
-            "[steps.p]\nop = \"mock.parts/1\"\nin.table = \"locs\"\n[outputs]\n\"a.csv\" = \"p\"",
-            "writes one object, and p may be several",
-        ),
-    ] {
+    for (lines, wanted) in MISTAKES {
         let found = problems(&with(lines));
         assert!(
             found.iter().any(|problem| problem.contains(wanted)),

@@ -95,81 +95,91 @@ fn file(id: &str, kind: OperationKind, of: Kind, suffixes: &[&str]) -> Operation
 
 impl Mock {
     pub fn new() -> Mock {
-        use Kind::{Image, Table};
-        let table = || port("table", Table);
-        let other = Port {
-            optional: true,
-            ..port("other", Table)
-        };
-        let several = Port {
-            many: true,
-            ..port("tables", Table)
-        };
-        let need = |name: &str| ColumnNeed {
-            name: name.into(),
-            unit: Some("nm".into()),
-        };
-        let measured = Port {
-            columns: vec![need("x"), need("$column")],
-            ..table()
-        };
-        let mut range = operation("mock.range/1", vec![table()], vec![table()]);
-        range
-            .parameters
-            .push(Parameter::new("ranges", ParameterKind::Ranges));
-        let mut measure = operation("mock.measure/1", vec![measured], vec![table()]);
-        let mut column = Parameter::new("column", ParameterKind::Column);
-        column.optional = true;
-        measure.parameters.push(column);
-        let maybe = Port {
-            optional: true,
-            ..port("maybe", Table)
-        };
-        let list = [
-            operation("mock.add/1", vec![table(), other], vec![table()]),
-            operation("mock.join/1", vec![several.clone()], vec![table()]),
-            operation(
-                "mock.split/1",
-                vec![table()],
-                vec![port("left", Table), port("right", Table)],
-            ),
-            operation(
-                "mock.parts/1",
-                vec![table()],
-                vec![Port {
-                    name: "parts".into(),
-                    ..several
-                }],
-            ),
-            operation("mock.image/1", vec![table()], vec![port("image", Image)]),
-            operation("mock.maybe/1", vec![table()], vec![table(), maybe]),
-            operation("mock.fail/1", vec![table()], vec![table()]),
-            operation("mock.crash/1", vec![table()], vec![table()]),
-            operation("mock.lie/1", vec![table()], vec![table()]),
-            operation("mock.wait/1", vec![table()], vec![table()]),
-            range,
-            measure,
-            file("mock.csv.read/1", OperationKind::Reader, Table, &[".csv"]),
-            file(
-                "mock.csv.write/1",
-                OperationKind::Writer,
-                Table,
-                &[".csv", ".txt"],
-            ),
-            file("mock.tif.write/1", OperationKind::Writer, Image, &[".tif"]),
-            file(
-                "mock.any.write/1",
-                OperationKind::Writer,
-                Table,
-                &[".tif", ".any"],
-            ),
-        ];
-        let operations = list.into_iter().map(|one| (one.id.clone(), one)).collect();
+        let list = offers().into_iter().chain(files());
+        let operations = list.map(|one| (one.id.clone(), one)).collect();
         Mock {
             operations,
             library: [7; 32],
         }
     }
+}
+
+fn files() -> Vec<Operation> {
+    use Kind::{Image, Table};
+    vec![
+        file("mock.csv.read/1", OperationKind::Reader, Table, &[".csv"]),
+        file(
+            "mock.csv.write/1",
+            OperationKind::Writer,
+            Table,
+            &[".csv", ".txt"],
+        ),
+        file("mock.tif.write/1", OperationKind::Writer, Image, &[".tif"]),
+        file(
+            "mock.any.write/1",
+            OperationKind::Writer,
+            Table,
+            &[".tif", ".any"],
+        ),
+    ]
+}
+
+fn offers() -> Vec<Operation> {
+    use Kind::{Image, Table};
+    let table = || port("table", Table);
+    let other = Port {
+        optional: true,
+        ..port("other", Table)
+    };
+    let several = Port {
+        many: true,
+        ..port("tables", Table)
+    };
+    let need = |name: &str| ColumnNeed {
+        name: name.into(),
+        unit: Some("nm".into()),
+    };
+    let measured = Port {
+        columns: vec![need("x"), need("$column")],
+        ..table()
+    };
+    let mut range = operation("mock.range/1", vec![table()], vec![table()]);
+    range
+        .parameters
+        .push(Parameter::new("ranges", ParameterKind::Ranges));
+    let mut measure = operation("mock.measure/1", vec![measured], vec![table()]);
+    let mut column = Parameter::new("column", ParameterKind::Column);
+    column.optional = true;
+    measure.parameters.push(column);
+    let maybe = Port {
+        optional: true,
+        ..port("maybe", Table)
+    };
+    vec![
+        operation("mock.add/1", vec![table(), other], vec![table()]),
+        operation("mock.join/1", vec![several.clone()], vec![table()]),
+        operation(
+            "mock.split/1",
+            vec![table()],
+            vec![port("left", Table), port("right", Table)],
+        ),
+        operation(
+            "mock.parts/1",
+            vec![table()],
+            vec![Port {
+                name: "parts".into(),
+                ..several
+            }],
+        ),
+        operation("mock.image/1", vec![table()], vec![port("image", Image)]),
+        operation("mock.maybe/1", vec![table()], vec![table(), maybe]),
+        operation("mock.fail/1", vec![table()], vec![table()]),
+        operation("mock.crash/1", vec![table()], vec![table()]),
+        operation("mock.lie/1", vec![table()], vec![table()]),
+        operation("mock.wait/1", vec![table()], vec![table()]),
+        range,
+        measure,
+    ]
 }
 
 impl Catalogue for Mock {

@@ -47,7 +47,7 @@ fn with(lines: &str) -> String {
 }
 
 #[test]
-fn a_recipe_is_read() {
+fn inputs_and_outputs_are_read() {
     let recipe = parse(GOOD).unwrap();
     assert_eq!(recipe.inputs.len(), 2);
     let locs = recipe.input("locs").unwrap();
@@ -59,6 +59,18 @@ fn a_recipe_is_read() {
     );
     assert_eq!(locs.object.as_deref(), Some("localisations"));
     assert!(recipe.input("cells").unwrap().many);
+    assert_eq!(recipe.outputs[0].file, "images/{input}.tif");
+    assert_eq!(
+        recipe.outputs[1].writer.as_deref(),
+        Some("puncta.text.write/1")
+    );
+    assert_eq!(recipe.outputs[1].from.output.as_deref(), Some("table"));
+    assert_eq!(recipe.outputs[1].set["digits"], 3);
+}
+
+#[test]
+fn steps_are_read() {
+    let recipe = parse(GOOD).unwrap();
     let names: Vec<&str> = recipe.steps.iter().map(|step| step.name.as_str()).collect();
     assert_eq!(names, ["good", "image"]);
     let good = recipe.step("good").unwrap();
@@ -104,107 +116,103 @@ fn a_recipe_is_read() {
         (image.inputs[0].port.as_str(), bound),
         ("table", vec!["good.table".into(), "locs".into()])
     );
-    assert_eq!(recipe.outputs[0].file, "images/{input}.tif");
-    assert_eq!(
-        recipe.outputs[1].writer.as_deref(),
-        Some("puncta.text.write/1")
-    );
-    assert_eq!(recipe.outputs[1].from.output.as_deref(), Some("table"));
-    assert_eq!(recipe.outputs[1].set["digits"], 3);
 }
+
+/// Lines of a recipe, and what is said of them.
+const MISTAKES: &[(&str, &str)] = &[
+    (
+        "[step.a]",
+        "line 4, column 2: the recipe has no key \"step\"; did you mean steps?",
+    ),
+    (
+        "[inputs.b]\nkinds = 1",
+        "line 5, column 1: the input b has no key \"kinds\"; did you mean kind?",
+    ),
+    (
+        "[inputs.b]",
+        "line 4, column 9: the input b does not say its kind; add kind = one of",
+    ),
+    (
+        "[inputs.b]\nkind = \"points\"",
+        "line 5, column 8: the input b has an unknown kind; use one of",
+    ),
+    (
+        "[inputs.b]\nkind = \"mesh\"\nmany = 1",
+        "line 6, column 8: many of the input b is neither true nor false",
+    ),
+    (
+        "[inputs.b]\nkind = 1",
+        "line 5, column 8: kind is no text; put it into double quotes",
+    ),
+    (
+        "[inputs.b]\nkind=\"mesh\"\noptions = 1",
+        "line 6, column 11: options is no table",
+    ),
+    (
+        "[steps.\"a b\"]\nop = \"x\"",
+        "line 4, column 8: \"a b\" cannot be the name of a step; use up to 64",
+    ),
+    (
+        "[steps.\"a.b\"]\nop = \"x\"",
+        "cannot be the name of a step",
+    ),
+    (
+        "[steps.a]",
+        "line 4, column 8: the step a does not say its operation; add op",
+    ),
+    (
+        "[steps.a]\nop = \"x\"\nsets.b = 1",
+        "line 6, column 1: the step a has no key \"sets\"; did you mean set?",
+    ),
+    (
+        "[steps.a]\nop = \"x\"\nin.t = 5",
+        "line 6, column 8: t of the step a names no input, step",
+    ),
+    (
+        "[steps.a]\nop = \"x\"\nin.t = [\"b\", 5]",
+        "line 6, column 14: t of the step a names no input",
+    ),
+    ("[steps.a]\nop = \"x\"\nin.t = \"b.\"", "names no input"),
+    (
+        "[steps.a]\nop = \"x\"\nin = \"b\"",
+        "line 6, column 6: in is no table",
+    ),
+    (
+        "[steps.a]\nop = \"x\"\nset.d = 1979-05-27",
+        "line 6, column 9: 1979-05-27 is a date",
+    ),
+    (
+        "[steps.a]\nop = \"x\"\nset.d = 1e999",
+        "line 6, column 9: the number 1e999 is too large",
+    ),
+    (
+        "[steps.locs]\nop = \"x\"",
+        "line 4, column 8: the step locs has the name of the input in line 2",
+    ),
+    (
+        "[outputs]\n\"../x.tif\" = \"locs\"",
+        "line 5, column 1: the output file \"../x.tif\" leaves the output folder",
+    ),
+    ("[outputs]\n\"/x.tif\" = \"locs\"", "is an absolute path"),
+    (
+        "[outputs]\n\"x.tif\" = { writer = \"w\" }",
+        "does not say what is written; add from",
+    ),
+    (
+        "[outputs]\n\"x.tif\" = { form = \"w\", from = \"locs\" }",
+        "has no key \"form\"; did you mean from?",
+    ),
+    ("[outputs]\na.tif = \"locs\"", "has no key \"tif\""),
+    (
+        "[outputs]\n\"a\" = \"locs\"\n\"A\" = \"locs\"",
+        "line 6, column 1: the output file \"A\" differs from that in line 5",
+    ),
+    ("outputs = 1", "the input locs has no key \"outputs\""),
+];
 
 #[test]
 fn every_mistake_is_named_with_its_place_and_a_remedy() {
-    for (lines, wanted) in [
-        (
-            "[step.a]",
-            "line 4, column 2: the recipe has no key \"step\"; did you mean steps?",
-        ),
-        (
-            "[inputs.b]\nkinds = 1",
-            "line 5, column 1: the input b has no key \"kinds\"; did you mean kind?",
-        ),
-        (
-            "[inputs.b]",
-            "line 4, column 9: the input b does not say its kind; add kind = one of",
-        ),
-        (
-            "[inputs.b]\nkind = \"points\"",
-            "line 5, column 8: the input b has an unknown kind; use one of",
-        ),
-        (
-            "[inputs.b]\nkind = \"mesh\"\nmany = 1",
-            "line 6, column 8: many of the input b is neither true nor false",
-        ),
-        (
-            "[inputs.b]\nkind = 1",
-            "line 5, column 8: kind is no text; put it into double quotes",
-        ),
-        (
-            "[inputs.b]\nkind=\"mesh\"\noptions = 1",
-            "line 6, column 11: options is no table",
-        ),
-        (
-            "[steps.\"a b\"]\nop = \"x\"",
-            "line 4, column 8: \"a b\" cannot be the name of a step; use up to 64",
-        ),
-        (
-            "[steps.\"a.b\"]\nop = \"x\"",
-            "cannot be the name of a step",
-        ),
-        (
-            "[steps.a]",
-            "line 4, column 8: the step a does not say its operation; add op",
-        ),
-        (
-            "[steps.a]\nop = \"x\"\nsets.b = 1",
-            "line 6, column 1: the step a has no key \"sets\"; did you mean set?",
-        ),
-        (
-            "[steps.a]\nop = \"x\"\nin.t = 5",
-            "line 6, column 8: t of the step a names no input, step",
-        ),
-        (
-            "[steps.a]\nop = \"x\"\nin.t = [\"b\", 5]",
-            "line 6, column 14: t of the step a names no input",
-        ),
-        ("[steps.a]\nop = \"x\"\nin.t = \"b.\"", "names no input"),
-        (
-            "[steps.a]\nop = \"x\"\nin = \"b\"",
-            "line 6, column 6: in is no table",
-        ),
-        (
-            "[steps.a]\nop = \"x\"\nset.d = 1979-05-27",
-            "line 6, column 9: 1979-05-27 is a date",
-        ),
-        (
-            "[steps.a]\nop = \"x\"\nset.d = 1e999",
-            "line 6, column 9: the number 1e999 is too large",
-        ),
-        (
-            "[steps.locs]\nop = \"x\"",
-            "line 4, column 8: the step locs has the name of the input in line 2",
-        ),
-        (
-            "[outputs]\n\"../x.tif\" = \"locs\"",
-            "line 5, column 1: the output file \"../x.tif\" leaves the output folder",
-        ),
-        ("[outputs]\n\"/x.tif\" = \"locs\"", "is an absolute path"),
-        (
-            "[outputs]\n\"x.tif\" = { writer = \"w\" }",
-            "does not say what is written; add from",
-        ),
-        (
-            "[outputs]\n\"x.tif\" = { form = \"w\", from = \"locs\" }",
-            "has no key \"form\"; did you mean from?",
-        ),
-        ("[outputs]\na.tif = \"locs\"", "has no key \"tif\""),
-        (
-            "[outputs]\n\"a\" = \"locs\"\n\"A\" = \"locs\"",
-            "line 6, column 1: the output file \"A\" differs from that in line 5",
-        ),
-        ("outputs = 1", "the input locs has no key \"outputs\""),
-    ] {
+    for (lines, wanted) in MISTAKES {
         let found = problems(&with(lines));
         assert!(
             found.iter().any(|problem| problem.contains(wanted)),

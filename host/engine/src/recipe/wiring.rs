@@ -123,90 +123,101 @@ impl Checker<'_> {
         reference: &Reference,
         subject: &Subject,
     ) -> Option<Target> {
+        match self.resolve(what, reference) {
+            Ok(target) => Some(target),
+            Err(failure) => {
+                self.report(reference.place, subject, failure);
+                None
+            }
+        }
+    }
+
+    fn resolve(&mut self, what: &str, reference: &Reference) -> Result<Target, Failure> {
         let recipe = self.recipe;
-        if let Some(at) = self.inputs.get(reference.source.as_str()).copied() {
-            let input = recipe.inputs.get(at)?;
+        let input = self.inputs.get(reference.source.as_str()).copied();
+        if let Some((at, input)) = input.and_then(|at| Some((at, recipe.inputs.get(at)?))) {
             if let Some(output) = &reference.output {
                 let message = format!(
                     "{what}: {} is an input and has no output {output}",
                     input.name
                 );
                 let remedy = format!("say object = \"{output}\" in [inputs.{}]", input.name);
-                self.report(
-                    reference.place,
-                    subject,
-                    Failure::bad_input(message).remedy(remedy),
-                );
-                return None;
+                return Err(Failure::bad_input(message).remedy(remedy));
             }
             let source = Source::Input(at);
-            return Some(Target {
+            return Ok(Target {
                 source,
                 kind: Some(input.kind),
                 many: input.many,
             });
         }
-        let Some(at) = self.steps.get(reference.source.as_str()).copied() else {
-            let names: Vec<&str> = self
-                .inputs
-                .keys()
-                .chain(self.steps.keys())
-                .copied()
-                .collect();
-            let name = &reference.source;
-            let remedy = self.hint(name, names, "name an input, a step, or \"step.output\"");
-            let message = format!("{what}: there is no input or step {name}");
-            self.report(
-                reference.place,
-                subject,
-                Failure::bad_input(message).remedy(remedy),
-            );
-            return None;
-        };
-        let step = self.places.get(&at).copied()?;
-        let Some((operation, _)) = recipe.steps.get(at).and_then(|step| self.offer(&step.op))
-        else {
-            return Some(Target {
-                source: Source::Step { step, output: 0 },
-                kind: None,
-                many: false,
-            });
-        };
+        let step = self.steps.get(reference.source.as_str()).copied();
+        if let Some((at, step)) = step.and_then(|at| Some((at, recipe.steps.get(at)?))) {
+            let at = self.places.get(&at).copied().unwrap_or(usize::MAX);
+            return match self.offer(&step.op) {
+                Some((operation, _)) => self.output_of(what, reference, at, &operation),
+                None => {
+                    let source = Source::Step {
+                        step: at,
+                        output: 0,
+                    };
+                    Ok(Target {
+                        source,
+                        kind: None,
+                        many: false,
+                    })
+                }
+            };
+        }
+        let names: Vec<&str> = self
+            .inputs
+            .keys()
+            .chain(self.steps.keys())
+            .copied()
+            .collect();
+        let name = &reference.source;
+        let remedy = self.hint(name, names, "name an input, a step, or \"step.output\"");
+        let message = format!("{what}: there is no input or step {name}");
+        Err(Failure::bad_input(message).remedy(remedy))
+    }
+
+    fn output_of(
+        &mut self,
+        what: &str,
+        reference: &Reference,
+        step: usize,
+        operation: &Operation,
+    ) -> Result<Target, Failure> {
         let wanted = |port: &Port| {
             reference
                 .output
                 .as_ref()
                 .is_none_or(|name| *name == port.name)
         };
-        let Some(output) = operation.outputs.iter().position(wanted) else {
-            let names: Vec<&str> = operation
-                .outputs
-                .iter()
-                .map(|port| port.name.as_str())
-                .collect();
-            let all = match names.as_slice() {
-                [] => "it has no outputs".to_owned(),
-                names => format!("there are {}", names.join(", ")),
-            };
-            let name = reference.output.as_deref().unwrap_or("");
-            let remedy = self.hint(name, names.iter().copied(), &all);
-            let message = match name {
-                "" => format!("{what}: the step {} gives no result", reference.source),
-                name => format!("{what}: the step {} has no output {name}", reference.source),
-            };
-            self.report(
-                reference.place,
-                subject,
-                Failure::bad_input(message).remedy(remedy),
-            );
-            return None;
+        let mut ports = operation.outputs.iter().enumerate();
+        if let Some((output, port)) = ports.find(|(_, port)| wanted(port)) {
+            let source = Source::Step { step, output };
+            return Ok(Target {
+                source,
+                kind: Some(port.kind),
+                many: port.many,
+            });
+        }
+        let names: Vec<&str> = operation
+            .outputs
+            .iter()
+            .map(|port| port.name.as_str())
+            .collect();
+        let all = match names.as_slice() {
+            [] => "it has no outputs".to_owned(),
+            names => format!("there are {}", names.join(", ")),
         };
-        let port = operation.outputs.get(output)?;
-        let source = Source::Step { step, output };
-        Some(Target {
-            source,
-            kind: Some(port.kind),
-            many: port.many,
-        })
+        let message = match &reference.output {
+            None => format!("{what}: the step {} gives no result", reference.source),
+            Some(name) => format!("{what}: the step {} has no output {name}", reference.source),
+        };
+        let name = reference.output.as_deref().unwrap_or("");
+        let remedy = self.hint(name, names.iter().copied(), &all);
+        Err(Failure::bad_input(message).remedy(remedy))
     }
 }
