@@ -1,7 +1,6 @@
 //! `device.core/1`, by a retarder that is simulated on a pseudo-terminal: it moves by one wave a
 //! second, and its driver waits 0.1 s more. What must come within 50 ms gets four times that.
 //! Each call keeps the rules of `DeviceCore1`, on which every `unsafe` relies.
-#![allow(clippy::unwrap_used, clippy::expect_used)]
 #![allow(unsafe_code, clippy::unwrap_used, clippy::expect_used)]
 
 use puncta_abi::{DEVICE_CORE_1, DeviceCore1, STATUS_CANCELLED, STATUS_FAILED, STATUS_OK, Str};

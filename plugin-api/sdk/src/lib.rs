@@ -54,7 +54,7 @@ pub use info::{Info, Ports};
 pub use input::{Input, InputPart};
 pub use job::Job;
 pub use operation::{Operation, Registration};
-pub use output::{ColumnMut, OutputObject, OutputPart};
+pub use output::{ColumnMut, Committer, OutputObject, OutputPart};
 pub use params::{Column, Columns, FromValue, Mapping, Params, Ranges, Seed};
 pub use puncta_derive::{Choice, Params};
 pub use puncta_documents as documents;

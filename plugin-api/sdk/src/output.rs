@@ -52,6 +52,23 @@ pub struct OutputObject<'j> {
     changed: bool,
 }
 
+/// Commits rows of an output while its columns are being written.
+#[derive(Clone, Copy, Debug)]
+pub struct Committer<'j> {
+    job: &'j Job,
+    object: u64,
+}
+
+impl Committer<'_> {
+    /// Makes the next `rows` rows of a part usable, and their memory certain.
+    ///
+    /// # Errors
+    /// When the host has no room, or the person cancelled.
+    pub fn commit(&self, part: usize, rows: u64) -> Result<(), Failure> {
+        self.job.host().commit(self.object, part, rows)
+    }
+}
+
 /// Header of a selection of `rows` rows: its one column `row` holds row numbers.
 #[must_use]
 pub fn selection_header(name: &str, rows: u64) -> Header {
@@ -216,7 +233,16 @@ impl<'j> OutputObject<'j> {
     /// # Errors
     /// When the host has no room, or the person cancelled.
     pub fn commit(&mut self, part: usize, rows: u64) -> Result<(), Failure> {
-        self.job.host().commit(self.object, part, rows)
+        self.committer().commit(part, rows)
+    }
+
+    /// Commits rows while the columns are being written, from any thread.
+    #[must_use]
+    pub fn committer(&self) -> Committer<'j> {
+        Committer {
+            job: self.job,
+            object: self.object,
+        }
     }
 
     /// Finishes with all rows that were begun.

@@ -5,13 +5,14 @@ use crate::dialect::Flavour;
 use crate::options::{Delimiter, Options};
 use crate::piece;
 use crate::read::Stop;
-use crate::schema::{ColumnPlan, Kind};
+use crate::schema::{ColumnPlan, Kind, Plan as TablePlan};
 use crate::table::Table;
 use crate::units::UNKNOWN;
-use puncta_sdk::output;
 use puncta_sdk::prelude::*;
 use puncta_sdk::serde_json::json;
+use puncta_sdk::{Committer, output};
 use std::path::Path;
+use std::sync::{Mutex, PoisonError};
 
 const EXAMPLE: &str = concat!(
     "\"id\",\"frame\",\"x [nm]\",\"y [nm]\",\"sigma [nm]\",\"intensity [photon]\",",
@@ -168,20 +169,16 @@ impl Operation for ReadText {
         let mut table = Table::open(Path::new(&file.path), &file.name, &self.options()?)?;
         for _ in 0..=CHANGES * table.plan.columns.len() {
             let mut out = job.begin("localisations", header(&table))?;
-            // Memory for the rows that the sample promises; a file with more takes the rest later.
-            let promised = table.plan.expected_rows + table.plan.expected_rows / 64 + 64;
-            let promised = promised.min(table.plan.max_rows);
-            out.commit(0, promised)?;
+            let ahead = Ahead::new(out.committer(), &table.plan);
+            ahead.reach(0)?;
             let read = {
                 let columns = out.columns_mut(0)?.into_iter().map(column);
                 let mut columns: Vec<ColumnMut<'_>> = columns.collect::<Result<_, _>>()?;
-                table.read(&mut columns, job, &|_| Ok(()))
+                table.read(&mut columns, job, &|rows| ahead.reach(rows))
             };
             match read {
                 Ok(rows) => {
-                    if rows > promised {
-                        out.commit(0, rows - promised)?;
-                    }
+                    ahead.reach(rows)?;
                     return out.finish_rows(&[rows]);
                 }
                 Err(Stop::Failed(failure)) => return Err(failure),
@@ -297,6 +294,39 @@ fn notes(table: &Table) -> Vec<String> {
         ));
     }
     notes
+}
+
+/// Commits memory a little ahead of the rows that are complete: a full machine is told in time, and
+/// no thread waits for the memory of the whole table.
+struct Ahead<'j> {
+    committer: Committer<'j>,
+    step: u64,
+    room: u64,
+    committed: Mutex<u64>,
+}
+
+impl<'j> Ahead<'j> {
+    fn new(committer: Committer<'j>, plan: &TablePlan) -> Ahead<'j> {
+        Ahead {
+            committer,
+            step: (plan.expected_rows / 16).clamp(1 << 12, 1 << 20),
+            room: plan.max_rows,
+            committed: Mutex::new(0),
+        }
+    }
+
+    fn reach(&self, rows: u64) -> Result<(), Failure> {
+        let mut committed = self
+            .committed
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
+        let wanted = rows.saturating_add(self.step).min(self.room);
+        if wanted >= committed.saturating_add(self.step / 2) || rows > *committed {
+            self.committer.commit(0, wanted - *committed)?;
+            *committed = wanted;
+        }
+        Ok(())
+    }
 }
 
 register!(ReadText);

@@ -3,10 +3,14 @@
 use crate::data;
 use crate::figures::Figure;
 use puncta_engine::documents::Map;
+use puncta_engine::engine::Steps;
+use puncta_engine::recipe::{self, Limits, Session, Wanted};
 use puncta_engine::{Engine, Isolation, Object};
 use puncta_tests::unwatched;
 use rayon::prelude::*;
 use serde_json::json;
+use std::collections::BTreeMap;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Names in the order of running; those of other programs' measurements where there are any.
@@ -22,6 +26,7 @@ pub const NAMES: &[&str] = &[
     "filter_and_sum_1000000",
     "filter_and_sum_10000000",
     "empty_call",
+    "empty_step",
     "worker_call",
 ];
 
@@ -54,6 +59,7 @@ pub fn run(name: &str) -> Figure {
             filter(name, &engine, &table)
         }
         "empty_call" => empty(name, &engine),
+        "empty_step" => steps(name, engine),
         _ => worker(name, &bundle.engine(Isolation::Always)),
     }
 }
@@ -191,6 +197,43 @@ fn empty(name: &str, engine: &Engine) -> Figure {
         }
     }
     figure(name, times, "20000 runs".into())
+}
+
+/// A step of an empty operation with its checks, key and record.
+fn steps(name: &str, engine: Engine) -> Figure {
+    const COUNT: usize = 1000;
+    let engine = Arc::new(engine);
+    let mut text = String::from("format = \"puncta.recipe/1\"\n");
+    for i in 0..COUNT {
+        text.push_str(&format!(
+            "[steps.s{i}]\nop = \"test.empty/1\"\nset.tag = {i}\n"
+        ));
+    }
+    let plan = engine.check_recipe(&recipe::parse(&text).expect("a recipe"));
+    let session = Session::new(
+        Steps(engine),
+        Limits {
+            parallel: 1,
+            memory: 0,
+        },
+    );
+    let mut times = Vec::new();
+    for turn in 0..9 {
+        let begin = Instant::now();
+        session.clear();
+        let report = session.run(
+            &plan,
+            &BTreeMap::new(),
+            &Wanted::Everything,
+            session.ticket(),
+            &(),
+        );
+        assert!(report.steps.len() == COUNT && !report.cancelled);
+        if turn > 1 {
+            times.push(begin.elapsed().as_secs_f64() / COUNT as f64);
+        }
+    }
+    figure(name, times, format!("{COUNT} steps"))
 }
 
 fn worker(name: &str, engine: &Engine) -> Figure {

@@ -279,6 +279,9 @@ fn write(
     report: &RunReport<Object>,
 ) -> Vec<Outcome> {
     let mut written = Vec::new();
+    if report.cancelled {
+        return written;
+    }
     for (output, path) in targets {
         let Some(found) = report.results.get(&output.from) else {
             continue;

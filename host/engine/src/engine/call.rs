@@ -65,9 +65,8 @@ impl Engine {
         let (plugin, operation) = self.operation(&invocation.operation)?;
         let parameters = schema::canonical(&operation.parameters, &invocation.parameters)
             .map_err(|failure| failure.context(&operation.id))?;
-        let (bound, converted) = self
-            .pool
-            .install(|| check::inputs(operation, &parameters, &invocation.inputs))?;
+        let (bound, converted) =
+            check::inputs(operation, &parameters, &invocation.inputs, &self.pool)?;
         let request = Request {
             operation: operation.id.clone(),
             parameters: parameters.clone(),
@@ -227,11 +226,16 @@ impl PreparedCall {
                 prepared.run(inputs, &**progress)?
             }
         };
-        let inputs = &self.inputs;
-        let id = &self.operation;
-        let assemble = |one: Finished| assemble(one, inputs).map_err(|f| f.context(id));
-        self.pool
-            .install(|| finished.into_iter().map(assemble).collect())
+        let (inputs, id) = (&self.inputs, &self.operation);
+        let assembled = finished.into_iter().map(|one| {
+            // Only selections have work for the pool, and waking it takes longer than the rest.
+            let assembled = match one.form {
+                OutputForm::Selection => self.pool.install(|| assemble(one, inputs)),
+                _ => assemble(one, inputs),
+            };
+            assembled.map_err(|failure| failure.context(id))
+        });
+        assembled.collect()
     }
 }
 

@@ -30,6 +30,7 @@ pub fn inputs(
     operation: &Operation,
     parameters: &Map,
     given: &[(String, Object)],
+    pool: &rayon::ThreadPool,
 ) -> Result<Bound, Failure> {
     let mut bound = Vec::new();
     let mut converted = Vec::new();
@@ -52,7 +53,7 @@ pub fn inputs(
         let mut count = 0;
         for (name, object) in given.iter().filter(|(name, _)| name == &port.name) {
             count += 1;
-            let object = fit(operation, port, parameters, object, &mut converted)?;
+            let object = fit(operation, port, parameters, object, (&mut converted, pool))?;
             bound.push((name.clone(), object));
         }
         let wrong = match count {
@@ -74,7 +75,7 @@ fn fit(
     port: &Port,
     parameters: &Map,
     object: &Object,
-    converted: &mut Vec<Converted>,
+    (converted, pool): (&mut Vec<Converted>, &rayon::ThreadPool),
 ) -> Result<Object, Failure> {
     let header = object.header();
     if header.kind != port.kind {
@@ -130,7 +131,7 @@ fn fit(
                 "say the unit when reading the file: --units {name}={to}"
             ))
         })?;
-        object = object.converted(name, factor, to)?;
+        object = pool.install(|| object.converted(name, factor, to))?;
         let (port, column, to) = (port.name.clone(), name.to_owned(), to.to_owned());
         converted.push(Converted {
             port,

@@ -151,15 +151,9 @@ impl Engine {
     /// When there is none; the sentence names the closest ids.
     pub fn operation(&self, id: &str) -> Result<(&Arc<Installed>, &Operation), Failure> {
         self.catalogue.find(id).ok_or_else(|| {
-            let part = id.split('/').next().unwrap_or(id);
-            let last = part.rsplit('.').next().unwrap_or(part);
-            let near: Vec<&str> = self
-                .catalogue
-                .operations()
-                .map(|(_, operation)| operation.id.as_str())
-                .filter(|known| known.contains(last))
-                .take(5)
-                .collect();
+            let known = self.catalogue.operations();
+            let known = known.map(|(_, operation)| operation.id.as_str());
+            let near = crate::recipe::closest_names(id, known, 3);
             let remedy = if near.is_empty() {
                 "puncta ops lists those that there are".to_owned()
             } else {

@@ -286,3 +286,93 @@ fn reference(plan: &Checked, source: Source) -> Option<String> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::provenance::FileRecord;
+    use puncta_documents::OperationKind;
+    use serde_json::json;
+
+    struct Installed(Operation);
+
+    impl recipe::Catalogue for Installed {
+        fn operation(&self, id: &str) -> Option<&Operation> {
+            (id == self.0.id).then_some(&self.0)
+        }
+        fn plugin(&self, _id: &str) -> Option<PluginRef> {
+            Some(PluginRef {
+                id: "a".into(),
+                version: "1".into(),
+                library: [1; 32],
+            })
+        }
+        fn operations(&self) -> Vec<&Operation> {
+            vec![&self.0]
+        }
+    }
+
+    #[test]
+    fn only_what_a_result_was_made_of_is_named() {
+        let operation: Operation = serde_json::from_value(json!({
+            "id": "a.b/1", "kind": "operation", "title": "B",
+            "inputs": [{"name": "table", "kind": "table"}],
+            "outputs": [{"name": "out", "kind": "table"}]
+        }))
+        .unwrap();
+        assert_eq!(operation.kind, OperationKind::Operation);
+        let text = "format = \"puncta.recipe/1\"
+            inputs = { one = { kind = \"table\" }, two = { kind = \"table\" } }
+            steps.z = { op = \"a.b/1\", in.table = \"one\" }
+            steps.y = { op = \"a.b/1\", in.table = \"z\" }
+            steps.x = { op = \"a.b/1\", in.table = \"two\" }";
+        let plan = check(&recipe::parse(text).unwrap(), &Installed(operation));
+        assert!(plan.problems.is_empty(), "{:?}", plan.problems);
+        let call = CallRecord {
+            operation: "r/1".into(),
+            plugin: PluginRecord {
+                id: "r".into(),
+                version: "1".into(),
+                library: String::new(),
+            },
+            parameters: Map::new(),
+        };
+        let file = |name: &str| InputRecord {
+            file: FileRecord {
+                name: name.into(),
+                path: None,
+                bytes: 1,
+                blake3: String::new(),
+            },
+            format: String::new(),
+            object: String::new(),
+            reader: call.clone(),
+        };
+        let files = BTreeMap::from([
+            ("one".to_owned(), vec![file("1.csv")]),
+            ("two".to_owned(), vec![file("2.csv")]),
+        ]);
+        let record = |_: &str| {
+            let parameters = Arc::new(Map::from_iter([("seed".to_owned(), "7".into())]));
+            let plugin = Arc::new(PluginRef {
+                library: [1; 32],
+                ..PluginRef::default()
+            });
+            Some(Arc::new(Record {
+                operation: "a.b/1".into(),
+                plugin,
+                parameters,
+                inputs: vec![],
+            }))
+        };
+        let source = plan.source("y").unwrap();
+        let (inputs, steps) = lineage(&plan, source, &files, &record);
+        assert_eq!(inputs.keys().collect::<Vec<_>>(), ["one"]);
+        let names: Vec<&str> = steps.iter().map(|step| step.name.as_str()).collect();
+        assert_eq!(names, ["z", "y"]);
+        assert_eq!(steps[0].inputs["table"], ["one"]);
+        assert_eq!(steps[1].inputs["table"], ["z.out"]);
+        assert_eq!(steps[1].call.parameters["seed"], json!("7"));
+        assert_eq!(steps[1].call.plugin.library, "01".repeat(32));
+    }
+}

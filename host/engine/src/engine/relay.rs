@@ -1,119 +1,53 @@
 //! Progress that is lent for a call, for work that needs to own it.
+#![allow(unsafe_code)]
 
 use crate::job::Progress;
-use puncta_documents::{Failure, FailureCode};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
+use std::sync::{Arc, PoisonError, RwLock};
 
-/// How often a running step looks whether the person wants to stop.
-const POLL: Duration = Duration::from_millis(10);
+/// Progress of somebody else, until it is taken back.
+struct Lent(RwLock<Option<&'static dyn Progress>>);
 
-/// Does work that needs progress for itself, while another thread passes on what it says.
-///
-/// # Errors
-/// Those of the work, or when the system gives no thread.
-pub(super) fn watched<T>(
-    job: &dyn Progress,
-    work: impl FnOnce(&Arc<dyn Progress>) -> Result<T, Failure>,
-) -> Result<T, Failure> {
-    let relay = Arc::new(Relay::default());
-    relay.cancelled.store(job.cancelled(), Ordering::Relaxed);
-    let progress: Arc<dyn Progress> = Arc::clone(&relay) as Arc<dyn Progress>;
-    std::thread::scope(|scope| {
-        let ended = Ended(&relay);
-        let forward = || relay.forward(job);
-        std::thread::Builder::new()
-            .spawn_scoped(scope, forward)
-            .map_err(|_| {
-                Failure::new(
-                    FailureCode::Resources,
-                    "the system gives no thread for a step",
-                )
-            })?;
-        let done = work(&progress);
-        drop(ended);
-        done
-    })
-}
+/// Takes the progress back, also when the work panics.
+struct Return<'a>(&'a Lent);
 
-#[derive(Default)]
-struct Relay {
-    cancelled: AtomicBool,
-    said: Mutex<Said>,
-    news: Condvar,
-}
-
-#[derive(Default)]
-struct Said {
-    progress: Option<(f64, String)>,
-    messages: Vec<(u32, String)>,
-    over: bool,
-}
-
-/// Ends the passing on, also when the work panics.
-struct Ended<'a>(&'a Relay);
-
-impl Drop for Ended<'_> {
+impl Drop for Return<'_> {
     fn drop(&mut self) {
-        self.0.said().over = true;
-        self.0.news.notify_all();
+        // Waits for whoever uses it at this moment.
+        *self.0.0.write().unwrap_or_else(PoisonError::into_inner) = None;
     }
 }
 
-impl Relay {
-    fn said(&self) -> MutexGuard<'_, Said> {
-        self.said.lock().unwrap_or_else(PoisonError::into_inner)
-    }
+/// Does work that needs progress for itself. What the work leaves behind finds it cancelled.
+pub(super) fn watched<T>(job: &dyn Progress, work: impl FnOnce(&Arc<dyn Progress>) -> T) -> T {
+    // SAFETY: the reference is only reached through the lock, and `Return` empties it before this
+    // function returns, that is before the borrow of `job` ends.
+    let job = unsafe { std::mem::transmute::<&dyn Progress, &'static dyn Progress>(job) };
+    let lent = Arc::new(Lent(RwLock::new(Some(job))));
+    let _return = Return(&lent);
+    let shared: Arc<dyn Progress> = Arc::clone(&lent) as Arc<dyn Progress>;
+    work(&shared)
+}
 
-    fn forward(&self, job: &dyn Progress) {
-        let mut said = self.said();
-        loop {
-            let news = std::mem::take(&mut *said);
-            drop(said);
-            for (level, text) in &news.messages {
-                job.message(*level, text);
-            }
-            if let Some((fraction, phase)) = &news.progress {
-                job.progress(*fraction, phase);
-            }
-            if news.over {
-                return;
-            }
-            if job.cancelled() {
-                self.cancelled.store(true, Ordering::Relaxed);
-            }
-            said = self.said();
-            // Messages and the end are passed on at once, progress when it is time to look.
-            if said.messages.is_empty() && !said.over {
-                let waited = self.news.wait_timeout(said, POLL);
-                said = waited.unwrap_or_else(PoisonError::into_inner).0;
-            }
+impl Lent {
+    fn with<T>(&self, otherwise: T, use_it: impl FnOnce(&dyn Progress) -> T) -> T {
+        match *self.0.read().unwrap_or_else(PoisonError::into_inner) {
+            Some(job) => use_it(job),
+            None => otherwise,
         }
     }
 }
 
-impl Progress for Relay {
+impl Progress for Lent {
     fn progress(&self, fraction: f64, phase: &str) {
-        let mut said = self.said();
-        match &mut said.progress {
-            Some((last, text)) => {
-                *last = fraction;
-                if text != phase {
-                    phase.clone_into(text);
-                }
-            }
-            none => *none = Some((fraction, phase.to_owned())),
-        }
+        self.with((), |job| job.progress(fraction, phase));
     }
 
     fn message(&self, level: u32, text: &str) {
-        self.said().messages.push((level, text.to_owned()));
-        self.news.notify_all();
+        self.with((), |job| job.message(level, text));
     }
 
     fn cancelled(&self) -> bool {
-        self.cancelled.load(Ordering::Relaxed)
+        self.with(true, |job| job.cancelled())
     }
 }
 
@@ -122,56 +56,16 @@ mod tests {
     use super::*;
     use crate::job::Cancel;
 
-    #[derive(Default)]
-    struct Notes(Mutex<Vec<String>>);
-
-    impl Progress for Notes {
-        fn progress(&self, fraction: f64, phase: &str) {
-            self.0.lock().unwrap().push(format!("{fraction} {phase}"));
-        }
-        fn message(&self, level: u32, text: &str) {
-            self.0.lock().unwrap().push(format!("{level} {text}"));
-        }
-        fn cancelled(&self) -> bool {
-            false
-        }
-    }
-
     #[test]
-    fn what_work_says_arrives() {
-        let notes = Notes::default();
-        let done = watched(&notes, |progress| {
-            progress.message(2, "one");
-            progress.message(3, "two");
-            progress.progress(0.5, "half");
-            Ok(7)
-        });
-        assert_eq!(done, Ok(7));
-        let said = notes.0.lock().unwrap();
-        let messages: Vec<&String> = said.iter().filter(|text| !text.contains("half")).collect();
-        assert_eq!(messages, ["2 one", "3 two"]);
-        assert_eq!(said.last().map(String::as_str), Some("0.5 half"));
-    }
-
-    #[test]
-    fn cancel_reaches_the_work() {
+    fn what_is_left_behind_finds_it_cancelled() {
         let cancel = Cancel::default();
-        let done: Result<(), Failure> = watched(&cancel, |progress| {
+        let kept = watched(&cancel, |progress| {
             assert!(!progress.cancelled());
             cancel.cancel();
-            while !progress.cancelled() {
-                std::thread::yield_now();
-            }
-            Err(Failure::cancelled())
+            assert!(progress.cancelled());
+            Arc::clone(progress)
         });
-        assert!(done.unwrap_err().is_cancelled());
-    }
-
-    #[test]
-    fn a_panic_in_the_work_ends_it() {
-        let caught = std::panic::catch_unwind(|| {
-            watched::<()>(&crate::job::Unwatched, |_| panic!("on purpose"))
-        });
-        assert!(caught.is_err());
+        assert!(kept.cancelled());
+        kept.message(3, "nobody hears this");
     }
 }

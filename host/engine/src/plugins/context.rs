@@ -4,7 +4,9 @@ use crate::job::Progress;
 use crate::store::layout::{Layout, Place};
 use crate::store::object::{ColumnData, Object, Stored};
 use crate::store::segment::{Region, Segment};
-use puncta_documents::{Element, Failure, FailureCode, Header, Output, OutputForm, Plan};
+use puncta_documents::{Element, Failure, FailureCode, Header, Kind, Output, OutputForm, Plan};
+use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// An output that its call finished.
@@ -297,11 +299,10 @@ impl JobContext {
                     "more rows are committed than there is room for",
                 ));
             }
-            for place in &open.layout.parts[part] {
-                let first = place.data + begin * place.row_bytes;
-                open.segment
-                    .commit(first..place.data + end * place.row_bytes)?;
-            }
+            let ranges = open.layout.parts[part].iter().map(|place| {
+                place.data + begin * place.row_bytes..place.data + end * place.row_bytes
+            });
+            commit_ranges(&open.segment, ranges.collect(), &self.pool)?;
             open.committed[part] = end;
             Ok(())
         })
@@ -328,8 +329,8 @@ impl JobContext {
     pub fn emit(&self, document: serde_json::Value) -> Result<(), Failure> {
         let text = |name: &str| document.get(name).and_then(|value| value.as_str());
         let kind = match text("format") {
-            Some(puncta_documents::findings::FIGURE) => puncta_documents::Kind::Figure,
-            Some(puncta_documents::findings::REPORT) => puncta_documents::Kind::Report,
+            Some(puncta_documents::findings::FIGURE) => Kind::Figure,
+            Some(puncta_documents::findings::REPORT) => Kind::Report,
             _ => {
                 return Err(Failure::internal(
                     "a document that is neither figure nor report",
@@ -356,6 +357,41 @@ impl JobContext {
     }
 }
 
+/// Bytes that one thread gets at a time.
+const COMMIT_PIECE: u64 = 8 << 20;
+
+/// Makes memory certain, with all threads where the caller is none of the pool: a task of the pool
+/// that waits for others may be given work that waits for it.
+fn commit_ranges(
+    segment: &Segment,
+    ranges: Vec<Range<u64>>,
+    pool: &rayon::ThreadPool,
+) -> Result<(), Failure> {
+    let bytes: u64 = ranges
+        .iter()
+        .map(|range| range.end.saturating_sub(range.start))
+        .sum();
+    segment.check_room(bytes)?;
+    if bytes <= COMMIT_PIECE || rayon::current_thread_index().is_some() {
+        return ranges
+            .into_iter()
+            .try_for_each(|range| segment.commit(range));
+    }
+    let pieces: Vec<Range<u64>> = ranges
+        .into_iter()
+        .flat_map(|range| {
+            let end = range.end;
+            let starts = range.step_by(COMMIT_PIECE as usize);
+            starts.map(move |start| start..(start + COMMIT_PIECE).min(end))
+        })
+        .collect();
+    pool.install(|| {
+        pieces
+            .into_par_iter()
+            .try_for_each(|piece| segment.commit(piece))
+    })
+}
+
 fn seal(open: OpenOutput, rows: &[u64], header: Option<Header>) -> Result<Finished, Failure> {
     let OpenOutput {
         mut output,
@@ -378,10 +414,7 @@ fn seal(open: OpenOutput, rows: &[u64], header: Option<Header>) -> Result<Finish
             }
             header
         }
-        None => std::mem::replace(
-            &mut output.header,
-            Header::new(puncta_documents::Kind::Table, ""),
-        ),
+        None => std::mem::replace(&mut output.header, Header::new(Kind::Table, "")),
     };
     if rows.len() != header.parts.len() || header.parts.len() != layout.parts.len() {
         return Err(wrong("the number of its parts is wrong".into()));

@@ -37,6 +37,8 @@ mod random;
 #[cfg(test)]
 mod session_tests;
 
+pub(crate) use closest::several as closest_names;
+
 pub use check::{Bound, Checked, CheckedInput, CheckedOutput, CheckedStep, Source, check};
 pub use files::output_path;
 pub use key::Key;

@@ -19,7 +19,11 @@ static RUNS: AtomicU64 = AtomicU64::new(0);
 
 /// Does nothing, to time the host.
 #[derive(Params)]
-struct Empty;
+struct Empty {
+    /// Makes one call different from another.
+    #[param(default = 0)]
+    tag: u64,
+}
 
 impl Operation for Empty {
     const ID: &'static str = "test.empty/1";
@@ -29,6 +33,7 @@ impl Operation for Empty {
     }
 
     fn run(&self, _job: &Job) -> Result<(), Failure> {
+        std::hint::black_box(self.tag);
         Ok(())
     }
 }
