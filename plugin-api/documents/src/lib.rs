@@ -5,6 +5,8 @@
 //! `"-inf"` and `"nan"`; seeds and 64-bit ids are strings.
 
 pub mod call;
+mod canonical;
+pub mod element;
 pub mod failure;
 pub mod findings;
 pub mod header;
@@ -14,9 +16,10 @@ pub mod schema;
 pub mod units;
 
 pub use call::{FileRef, InputRef, Output, OutputForm, Plan, Probe, Read, Request};
+pub use element::{ColumnType, Element};
 pub use failure::{Failure, FailureCode};
 pub use findings::{Figure, Report, ReportValue, Series};
-pub use header::{ColumnInfo, ColumnType, Element, Header, ImageInfo, Kind, Part};
+pub use header::{ColumnInfo, Header, ImageInfo, Kind, Part};
 pub use manifest::{ColumnNeed, Example, FileRule, Manifest, Operation, OperationKind, Port};
 pub use schema::{Parameter, ParameterKind};
 pub use units::Unit;

@@ -12,8 +12,10 @@
 mod host;
 mod memory;
 mod object;
+mod pool;
 
 pub use object::{Done, Object, Table};
+pub use pool::{Stopped, Threads};
 
 use puncta_sdk::documents::schema::canonical;
 use puncta_sdk::documents::{FileRef, InputRef};

@@ -5,8 +5,6 @@
 
 pub mod mask;
 pub mod operations;
-#[cfg(test)]
-mod pool;
 pub mod range;
 pub mod rectangle;
 pub mod subset;

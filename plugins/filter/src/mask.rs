@@ -159,7 +159,7 @@ fn expand(words: &[u64], start: u32, out: &mut [u32]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pool::{Stopped, Threads};
+    use puncta_testkit::{Stopped, Threads};
 
     fn every(step: usize) -> impl Fn(Range<usize>, &mut [u64]) + Sync {
         move |rows, words| {

@@ -236,7 +236,7 @@ integer!(u8 i8 u16 i16 u32 i32 u64 i64);
 mod tests {
     use super::*;
     use crate::mask::BLOCK;
-    use crate::pool::Threads;
+    use puncta_testkit::Threads;
 
     const INF: f64 = f64::INFINITY;
 

@@ -130,7 +130,7 @@ impl Turned {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pool::Threads;
+    use puncta_testkit::Threads;
     use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
     const INF: f64 = f64::INFINITY;

@@ -186,7 +186,7 @@ fn draw_bits(words: &mut [u64], len: usize, count: usize, random: &mut impl Rng)
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pool::{Stopped, Threads};
+    use puncta_testkit::{Stopped, Threads};
 
     fn subset(rows: usize, size: Size, seed: u64) -> Vec<u32> {
         let one = random_subset(rows, size, seed, &Threads(1)).expect("valid");

@@ -219,7 +219,7 @@ fn too_large(field: &Field, size: f64, bytes: f64, budget: u64, pixel_bytes: u64
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::Threads;
+    use puncta_testkit::Threads;
 
     fn auto(margin: f64) -> Bounds {
         Bounds {

@@ -232,7 +232,8 @@ mod tests {
     use super::*;
     use crate::field::{Bounds, IMAGE_BYTES, extent, field};
     use crate::grid::Axis;
-    use crate::testing::{Random, Threads};
+    use crate::testing::Random;
+    use puncta_testkit::Threads;
 
     fn plane(x: f64, y: f64, size: f64, width: usize, height: usize) -> Field {
         Field {

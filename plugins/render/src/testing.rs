@@ -1,42 +1,4 @@
-//! Threads for the tests of the cores.
-
-use puncta_sdk::{Cancelled, Run};
-use std::sync::atomic::{AtomicUsize, Ordering};
-
-/// So many threads.
-pub(crate) struct Threads(pub(crate) usize);
-
-impl Run for Threads {
-    fn parallel(&self, count: usize, task: &(dyn Fn(usize) + Sync)) {
-        let next = AtomicUsize::new(0);
-        let work = || {
-            loop {
-                match next.fetch_add(1, Ordering::Relaxed) {
-                    i if i < count => task(i),
-                    _ => return,
-                }
-            }
-        };
-        std::thread::scope(|scope| {
-            for _ in 1..self.0 {
-                scope.spawn(work);
-            }
-            work();
-        });
-    }
-
-    fn threads(&self) -> usize {
-        self.0
-    }
-
-    fn progress(&self, _fraction: f64, _phase: &str) -> Result<(), Cancelled> {
-        Ok(())
-    }
-
-    fn cancelled(&self) -> bool {
-        false
-    }
-}
+//! Random numbers for the tests of the cores.
 
 /// Repeatable numbers in 0..1 (xorshift64*, Vigna 2016).
 pub(crate) struct Random(u64);

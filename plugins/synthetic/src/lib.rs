@@ -7,8 +7,6 @@ pub mod blink;
 pub mod columns;
 pub mod membrane;
 pub mod parameters;
-#[cfg(test)]
-mod pool;
 pub mod random;
 pub mod sample;
 pub mod sdf;

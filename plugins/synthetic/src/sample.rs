@@ -169,10 +169,10 @@ pub fn keep(
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use crate::pool::{Stopped, Threads};
     use crate::sdf::tests::project;
     use crate::shape::{Shape, tests::ALL};
     use crate::vector::sub;
+    use puncta_testkit::{Stopped, Threads};
 
     const DX: f64 = 1.66;
 

@@ -2,10 +2,10 @@
 
 use super::*;
 use crate::arrangement::Turn;
-use crate::pool::{Stopped, Threads};
 use crate::sample::tests::first_order_distance;
 use crate::shape::{Shape, tests::shared};
 use crate::vector::{norm, sub};
+use puncta_testkit::{Stopped, Threads};
 
 fn cloud(parameters: &Parameters) -> Cloud {
     simulate(parameters, &Threads(2)).expect("valid parameters")

@@ -3,8 +3,8 @@
 use super::{Engine, check};
 use crate::job::Progress;
 use crate::plugins::catalogue::Installed;
-use crate::plugins::context::{Finished, JobContext};
 use crate::plugins::library;
+use crate::plugins::{Finished, JobContext};
 use crate::store::{Object, Selection, Stored};
 use crate::worker;
 use puncta_documents::{

@@ -4,8 +4,10 @@ pub mod catalogue;
 pub mod context;
 pub mod inspect;
 pub mod library;
+pub mod outputs;
 mod tables;
 
 pub use catalogue::{Catalogue, Installed};
-pub use context::{Finished, JobContext};
+pub use context::JobContext;
 pub use library::{Library, Prepared};
+pub use outputs::Finished;

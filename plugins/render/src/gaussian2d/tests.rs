@@ -2,7 +2,8 @@ use super::*;
 use crate::field::{Bounds, IMAGE_BYTES, extent, field};
 use crate::grid::Axis;
 use crate::spots::Sigma;
-use crate::testing::{Random, Threads};
+use crate::testing::Random;
+use puncta_testkit::Threads;
 
 struct Image {
     field: Field,

@@ -1,4 +1,4 @@
-//! Thread pools for tests.
+//! Pools for tests of an algorithm that takes `&dyn Run`.
 
 use puncta_sdk::{Cancelled, Run};
 use std::sync::atomic::{AtomicUsize, Ordering};
