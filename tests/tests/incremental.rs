@@ -135,7 +135,7 @@ fn both_ways_of_running_give_the_same_results() {
         let session = Session::new(Steps(Arc::clone(&engine)), Limits::default());
         prints(&run(&engine, &session, RECIPE))
     });
-    assert_eq!(results[0].len(), 4);
+    assert!(results[0].len() >= 4, "{results:?}");
     assert_eq!(results[0], results[1]);
 }
 

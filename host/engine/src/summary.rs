@@ -1,7 +1,7 @@
 //! Least value, greatest value and sum of a column, as `info` and the viewer show them.
 
 use crate::store::ColumnData;
-use crate::store::segment::{Number, Region};
+use crate::store::region::{Number, Region};
 use puncta_documents::Element;
 use rayon::prelude::*;
 

@@ -189,7 +189,8 @@ typedef struct {
                       puncta_column *out,
                       uint32_t capacity,
                       uint32_t *count);
-  // Begins an output described by a document (`puncta.output/1`) and writes its number.
+  // Begins an output described by a document (`puncta.output/1`) and writes its number. The room
+  // may hold anything, except that the first offset of texts is 0.
   uint32_t (*begin)(uint64_t job, puncta_str document, uint64_t *object);
   // Makes room for `rows` rows in all. Ask for the columns again afterwards.
   uint32_t (*grow)(uint64_t job, uint64_t object, uint32_t part, uint64_t rows);

@@ -53,7 +53,8 @@ pub struct Data1 {
             count: *mut u32,
         ) -> u32,
     >,
-    /// Begins an output described by a document (`puncta.output/1`) and writes its number.
+    /// Begins an output described by a document (`puncta.output/1`) and writes its number. The room
+    /// may hold anything, except that the first offset of texts is 0.
     pub begin: Option<unsafe extern "C" fn(job: u64, document: Str, object: *mut u64) -> u32>,
     /// Makes room for `rows` rows in all. Ask for the columns again afterwards.
     pub grow: Option<unsafe extern "C" fn(job: u64, object: u64, part: u32, rows: u64) -> u32>,

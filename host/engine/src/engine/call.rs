@@ -5,7 +5,7 @@ use crate::job::Progress;
 use crate::plugins::catalogue::Installed;
 use crate::plugins::library;
 use crate::plugins::{Finished, JobContext};
-use crate::store::{Object, Selection, Stored};
+use crate::store::{Object, SegmentPool, Selection, Stored};
 use crate::worker;
 use puncta_documents::{
     Failure, FailureCode, FileRef, InputRef, Map, Operation, OutputForm, Plan, Request, schema,
@@ -50,6 +50,7 @@ pub struct PreparedCall {
     inputs: Vec<Object>,
     converted: Vec<check::Converted>,
     pool: Arc<rayon::ThreadPool>,
+    segments: Arc<SegmentPool>,
 }
 
 impl Engine {
@@ -90,6 +91,7 @@ impl Engine {
             inputs: bound.into_iter().map(|(_, object)| object).collect(),
             converted,
             pool: Arc::clone(&self.pool),
+            segments: Arc::clone(&self.segments),
         };
         self.check_plan(operation, &call)?;
         Ok(call)
@@ -102,7 +104,12 @@ impl Engine {
         progress: &Arc<dyn Progress>,
     ) -> Result<Backend, Failure> {
         if self.in_process(plugin) {
-            let context = JobContext::new(Vec::new(), Arc::clone(progress), Arc::clone(&self.pool));
+            let context = JobContext::new(
+                Vec::new(),
+                Arc::clone(progress),
+                Arc::clone(&self.pool),
+                Arc::clone(&self.segments),
+            );
             return self
                 .library(plugin)?
                 .prepare(&context, request)
@@ -213,7 +220,12 @@ impl PreparedCall {
         let finished = match &mut self.backend {
             Backend::InProcess(prepared) => {
                 let (inputs, pool) = (self.inputs.clone(), Arc::clone(&self.pool));
-                let context = JobContext::new(inputs, Arc::clone(progress), pool);
+                let context = JobContext::new(
+                    inputs,
+                    Arc::clone(progress),
+                    pool,
+                    Arc::clone(&self.segments),
+                );
                 prepared.run(&context)?;
                 context.take_finished()
             }

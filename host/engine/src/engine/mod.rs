@@ -16,11 +16,15 @@ pub use write::Written;
 
 use crate::plugins::catalogue::{Catalogue, Folder, Installed};
 use crate::plugins::library::Library;
+use crate::store::SegmentPool;
 use crate::worker;
 use puncta_documents::{Failure, FailureCode, Operation};
 use std::collections::HashMap;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
+
+/// Memory of dropped results that is kept for the next ones.
+const KEPT_BYTES: u64 = 1 << 30;
 
 /// Where calls run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -93,6 +97,7 @@ pub struct Engine {
     catalogue: Catalogue,
     options: Options,
     pool: Arc<rayon::ThreadPool>,
+    segments: Arc<SegmentPool>,
     workers: Arc<worker::Pool>,
     libraries: Mutex<HashMap<PathBuf, Arc<Library>>>,
     copies: Mutex<HashMap<PathBuf, PathBuf>>,
@@ -121,6 +126,7 @@ impl Engine {
             catalogue: Catalogue::scan(&options.folders),
             workers: Arc::new(worker::Pool::new(options.program.clone(), threads)),
             pool: Arc::new(pool),
+            segments: Arc::new(SegmentPool::new(KEPT_BYTES)),
             options,
             libraries: Mutex::default(),
             copies: Mutex::default(),

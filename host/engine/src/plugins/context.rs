@@ -1,7 +1,8 @@
 //! A running call, as the host's tables see it: inputs, open outputs, finished outputs.
 
-use super::outputs::{Finished, OpenOutput, commit_ranges, seal};
+use super::outputs::{Finished, OpenOutput, commit_ranges, first_offsets, seal};
 use crate::job::Progress;
+use crate::store::SegmentPool;
 use crate::store::layout::{Layout, Place};
 use crate::store::object::{ColumnData, Object};
 use crate::store::segment::Segment;
@@ -22,6 +23,7 @@ pub struct JobContext {
     plan: Mutex<Arc<Plan>>,
     progress: Arc<dyn Progress>,
     pool: Arc<rayon::ThreadPool>,
+    memory: Arc<SegmentPool>,
     state: Mutex<State>,
 }
 
@@ -35,12 +37,14 @@ impl JobContext {
         inputs: Vec<Object>,
         progress: Arc<dyn Progress>,
         pool: Arc<rayon::ThreadPool>,
+        memory: Arc<SegmentPool>,
     ) -> Arc<JobContext> {
         Arc::new(JobContext {
             inputs,
             plan: Mutex::new(Arc::default()),
             progress,
             pool,
+            memory,
             state: Mutex::default(),
         })
     }
@@ -113,7 +117,8 @@ impl JobContext {
     pub fn begin(&self, output: Output) -> Result<u64, Failure> {
         self.check_output(&output)?;
         let layout = Layout::of(&output.header)?;
-        let segment = Segment::create(layout.bytes)?;
+        let segment = Segment::create_in(&self.memory, layout.bytes)?;
+        first_offsets(&segment, &layout);
         let committed = vec![0; output.header.parts.len()];
         let mut state = self.state();
         state.open.push(Some(OpenOutput {

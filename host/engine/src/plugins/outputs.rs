@@ -2,7 +2,8 @@
 
 use crate::store::layout::{Layout, Place};
 use crate::store::object::{ColumnData, Object, Stored};
-use crate::store::segment::{Region, Segment};
+use crate::store::region::{Region, writable};
+use crate::store::segment::Segment;
 use puncta_documents::{Element, Failure, FailureCode, Header, Kind, Output, OutputForm};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -32,6 +33,22 @@ pub struct OpenOutput {
     pub layout: Layout,
     /// Rows committed by part.
     pub committed: Vec<u64>,
+}
+
+/// Texts begin at 0; the rest of a segment's room may hold anything.
+#[allow(unsafe_code)]
+pub(super) fn first_offsets(segment: &Segment, layout: &Layout) {
+    for place in layout
+        .parts
+        .iter()
+        .flatten()
+        .filter(|place| place.offset_count > 0)
+    {
+        // SAFETY: the layout lies in the segment, which nobody else has yet.
+        if let [first, ..] = unsafe { writable::<u64>(segment.base(), place.offsets, 1) } {
+            *first = 0;
+        }
+    }
 }
 
 /// Bytes that one thread gets at a time.

@@ -3,7 +3,7 @@
 
 use super::context::{FIRST_OUTPUT, JobContext};
 use crate::store::object::ColumnData;
-use crate::store::segment::Region;
+use crate::store::region::Region;
 use puncta_abi::{self as abi, Column, Data1, Job1, Str, Task};
 use puncta_documents::call::OUTPUT;
 use puncta_documents::failure::FAILURE;

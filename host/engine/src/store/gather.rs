@@ -3,7 +3,8 @@
 
 use super::layout::Layout;
 use super::object::{ColumnData, Selection};
-use super::segment::{Number, Region, Segment, writable};
+use super::region::{Number, Region, writable};
+use super::segment::Segment;
 use puncta_documents::{ColumnInfo, ColumnType, Element, Failure, Header};
 use rayon::prelude::*;
 

@@ -3,8 +3,12 @@
 pub mod gather;
 pub mod layout;
 pub mod object;
+pub mod pool;
+pub mod region;
 pub mod segment;
 
 pub use layout::Layout;
 pub use object::{ColumnData, Object, Selection, Stored};
-pub use segment::{Region, Segment};
+pub use pool::SegmentPool;
+pub use region::Region;
+pub use segment::Segment;

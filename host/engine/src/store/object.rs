@@ -1,7 +1,8 @@
 //! Objects: immutable columns with a header, shared between the objects that are made from them.
 
 use super::gather;
-use super::segment::{Region, Segment};
+use super::region::Region;
+use super::segment::Segment;
 use puncta_documents::{ColumnInfo, ColumnType, Element, Failure, Header, Kind};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};

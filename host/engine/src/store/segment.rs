@@ -2,17 +2,20 @@
 //!
 //! A segment is a sparse, anonymous file in memory (`memfd_create`): room costs nothing until it is
 //! written, addresses never move, and the descriptor can be sent to a worker. It is written by one
-//! call and immutable from then on: sealing trims it, forbids resizing, and write-protects the mapping.
+//! call and immutable from then on: sealing write-protects the mapping, and sending trims the file
+//! and forbids resizing. Memory that nobody else has seen goes back to its pool and is used again,
+//! since getting pages from the system takes longer than most calculations on them.
 #![allow(unsafe_code)]
 
+use super::pool::SegmentPool;
 use puncta_documents::{Failure, FailureCode};
 use rustix::fs::{FallocateFlags, MemfdFlags, SealFlags};
 use rustix::mm::{Advice, MapFlags, MprotectFlags, ProtFlags};
 use std::ops::Range;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::ptr::NonNull;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Weak};
 
 /// Largest segment: room for far more than any machine has, but an address space bears it.
 pub const MAX_BYTES: u64 = 1 << 42;
@@ -35,21 +38,34 @@ pub fn available() -> Option<u64> {
     Some(field("MemAvailable:")?.saturating_sub(field("MemTotal:")? / 16))
 }
 
-/// A piece of shared memory.
+/// A mapped file in memory.
 #[derive(Debug)]
-pub struct Segment {
-    id: u64,
+pub(super) struct Mapping {
     file: OwnedFd,
-    /// Where it is mapped; null for an empty segment.
+    /// Where it is mapped; null if there is no room.
     base: Option<NonNull<u8>>,
-    bytes: u64,
+    /// Bytes that are mapped.
+    pub(super) room: u64,
 }
 
 // SAFETY: the mapping is plain memory. Before sealing, one call writes it through pointers that the
 // ABI gives it; afterwards nobody can.
-unsafe impl Send for Segment {}
+unsafe impl Send for Mapping {}
 // SAFETY: as above.
-unsafe impl Sync for Segment {}
+unsafe impl Sync for Mapping {}
+
+/// A piece of shared memory.
+#[derive(Debug)]
+pub struct Segment {
+    id: u64,
+    /// There until the segment is dropped.
+    mapping: Option<Mapping>,
+    /// Room, or content once sealed.
+    bytes: u64,
+    /// Whether another process may have it.
+    sent: AtomicBool,
+    pool: Weak<SegmentPool>,
+}
 
 static NEXT_ID: AtomicU64 = AtomicU64::new(1);
 
@@ -60,20 +76,41 @@ fn refuse(what: &str, bytes: u64, error: rustix::io::Errno) -> Failure {
 }
 
 impl Segment {
-    /// A writable segment with room for `bytes` bytes, all zero.
+    /// A writable segment with room for `bytes` bytes. A fresh one is all zero.
     ///
     /// # Errors
     /// When the system refuses.
     pub fn create(bytes: u64) -> Result<Segment, Failure> {
-        let bytes = bytes.next_multiple_of(PAGE);
-        if bytes > MAX_BYTES {
-            return Err(refuse("reserve", bytes, rustix::io::Errno::NOMEM));
+        let room = bytes.next_multiple_of(PAGE);
+        if room > MAX_BYTES {
+            return Err(refuse("reserve", room, rustix::io::Errno::NOMEM));
         }
         let flags = MemfdFlags::CLOEXEC | MemfdFlags::ALLOW_SEALING;
         let file = rustix::fs::memfd_create("puncta", flags)
-            .map_err(|error| refuse("create", bytes, error))?;
-        rustix::fs::ftruncate(&file, bytes).map_err(|error| refuse("reserve", bytes, error))?;
-        Segment::map(file, bytes, ProtFlags::READ | ProtFlags::WRITE)
+            .map_err(|error| refuse("create", room, error))?;
+        rustix::fs::ftruncate(&file, room).map_err(|error| refuse("reserve", room, error))?;
+        let mapping = Mapping::new(file, room, ProtFlags::READ | ProtFlags::WRITE)?;
+        Ok(Segment::with(mapping, false, Weak::new()))
+    }
+
+    /// As [`Segment::create`], with memory of the pool where it has any that fits: it then holds
+    /// what was in it before.
+    ///
+    /// # Errors
+    /// When the system refuses.
+    pub fn create_in(pool: &Arc<SegmentPool>, bytes: u64) -> Result<Segment, Failure> {
+        let room = bytes.next_multiple_of(PAGE);
+        let home = Arc::downgrade(pool);
+        if let Some(mapping) = pool.take(room)
+            && mapping
+                .protect(MprotectFlags::READ | MprotectFlags::WRITE)
+                .is_ok()
+        {
+            return Ok(Segment::with(mapping, false, home));
+        }
+        let mut segment = Segment::create(bytes)?;
+        segment.pool = home;
+        Ok(segment)
     }
 
     /// A sealed segment that another process made, at least `bytes` long.
@@ -90,33 +127,24 @@ impl Segment {
         if u64::try_from(stat.st_size).unwrap_or(0) < bytes {
             return Err(broken("is too short"));
         }
-        Segment::map(file, bytes, ProtFlags::READ)
+        let mapping = Mapping::new(file, bytes, ProtFlags::READ)?;
+        Ok(Segment::with(mapping, true, Weak::new()))
     }
 
-    fn map(file: OwnedFd, bytes: u64, protection: ProtFlags) -> Result<Segment, Failure> {
-        let id = NEXT_ID.fetch_add(1, Ordering::Relaxed);
-        if bytes == 0 {
-            return Ok(Segment {
-                id,
-                file,
-                base: None,
-                bytes,
-            });
+    fn with(mapping: Mapping, sent: bool, pool: Weak<SegmentPool>) -> Segment {
+        Segment {
+            id: NEXT_ID.fetch_add(1, Ordering::Relaxed),
+            bytes: mapping.room,
+            mapping: Some(mapping),
+            sent: AtomicBool::new(sent),
+            pool,
         }
-        let length = usize::try_from(bytes)
-            .map_err(|_| refuse("map", bytes, rustix::io::Errno::OVERFLOW))?;
-        let flags = MapFlags::SHARED | MapFlags::NORESERVE;
-        // SAFETY: a fresh mapping of a whole file that nothing truncates while it is mapped: our
-        // own are trimmed only past their used part, others' are sealed against shrinking.
-        let base =
-            unsafe { rustix::mm::mmap(std::ptr::null_mut(), length, protection, flags, &file, 0) }
-                .map_err(|error| refuse("map", bytes, error))?;
-        Ok(Segment {
-            id,
-            file,
-            base: NonNull::new(base.cast()),
-            bytes,
-        })
+    }
+
+    fn mapping(&self) -> Result<&Mapping, Failure> {
+        self.mapping
+            .as_ref()
+            .ok_or_else(|| Failure::internal("memory was used after its end"))
     }
 
     /// Number that no other segment of this process has.
@@ -125,10 +153,19 @@ impl Segment {
         self.id
     }
 
-    /// The descriptor, to be sent to a worker.
-    #[must_use]
-    pub fn file(&self) -> BorrowedFd<'_> {
-        self.file.as_fd()
+    /// The descriptor, to be sent to another process: from now on the file has its final length.
+    ///
+    /// # Errors
+    /// When the system refuses.
+    pub fn file(&self) -> Result<BorrowedFd<'_>, Failure> {
+        let mapping = self.mapping()?;
+        if !self.sent.swap(true, Ordering::Relaxed) {
+            let protect = |error| refuse("protect", self.bytes, error);
+            rustix::fs::ftruncate(&mapping.file, self.bytes).map_err(protect)?;
+            let seals = SealFlags::SHRINK | SealFlags::GROW;
+            rustix::fs::fcntl_add_seals(&mapping.file, seals).map_err(protect)?;
+        }
+        Ok(mapping.file.as_fd())
     }
 
     /// Bytes of room, or of content once sealed.
@@ -140,7 +177,8 @@ impl Segment {
     /// First byte.
     #[must_use]
     pub fn base(&self) -> *mut u8 {
-        self.base.map_or(std::ptr::null_mut(), NonNull::as_ptr)
+        let base = self.mapping.as_ref().and_then(|mapping| mapping.base);
+        base.map_or(std::ptr::null_mut(), NonNull::as_ptr)
     }
 
     /// Refuses what the machine does not have: the system would hand out its last page and then end
@@ -172,9 +210,12 @@ impl Segment {
 
     /// Gets and maps the pages of a range at once, which costs less than a fault for each of them.
     fn populate(&self, range: Range<u64>) -> rustix::io::Result<()> {
+        let Some(mapping) = &self.mapping else {
+            return Ok(());
+        };
         let bytes = range.end - range.start;
         if let (Some(base), Ok(offset), Ok(length)) = (
-            self.base,
+            mapping.base,
             usize::try_from(range.start),
             usize::try_from(bytes),
         ) {
@@ -188,166 +229,99 @@ impl Segment {
                 return done;
             }
         }
-        rustix::fs::fallocate(&self.file, FallocateFlags::KEEP_SIZE, range.start, bytes)
+        rustix::fs::fallocate(&mapping.file, FallocateFlags::KEEP_SIZE, range.start, bytes)
     }
 
     /// Gives back the memory of a range, except of pages that it does not cover wholly.
     pub fn release(&self, range: Range<u64>) {
+        let Some(mapping) = &self.mapping else { return };
         let begin = range.start.next_multiple_of(PAGE);
-        let end = if range.end >= self.bytes {
-            self.bytes
+        let end = if range.end >= mapping.room {
+            mapping.room
         } else {
             range.end / PAGE * PAGE
         };
         if end > begin {
             let flags = FallocateFlags::KEEP_SIZE | FallocateFlags::PUNCH_HOLE;
             // Memory that cannot be given back is only wasted.
-            let _ = rustix::fs::fallocate(&self.file, flags, begin, end - begin);
+            let _ = rustix::fs::fallocate(&mapping.file, flags, begin, end - begin);
         }
     }
 
-    /// Ends writing: trims to `bytes`, forbids resizing and write-protects the mapping.
+    /// Ends writing: the first `bytes` bytes are the content, the rest is given back, and the
+    /// mapping is write-protected.
     ///
     /// # Errors
     /// When the system refuses.
     pub fn seal(mut self, bytes: u64) -> Result<Arc<Segment>, Failure> {
         let used = bytes.next_multiple_of(PAGE).min(self.bytes);
+        self.release(used..self.bytes);
         let protect = |error| refuse("protect", used, error);
-        if used < self.bytes {
-            rustix::fs::ftruncate(&self.file, used).map_err(protect)?;
-            self.unmap_tail(used);
-        }
-        if let (Some(base), Ok(length)) = (self.base, usize::try_from(self.bytes)) {
-            // SAFETY: exactly our own mapping.
-            unsafe { rustix::mm::mprotect(base.as_ptr().cast(), length, MprotectFlags::READ) }
-                .map_err(protect)?;
-        }
-        rustix::fs::fcntl_add_seals(&self.file, SealFlags::SHRINK | SealFlags::GROW)
+        self.mapping()?
+            .protect(MprotectFlags::READ)
             .map_err(protect)?;
+        self.bytes = used;
         Ok(Arc::new(self))
     }
+}
 
-    fn unmap_tail(&mut self, used: u64) {
-        let (Some(base), Ok(keep), Ok(all)) = (
-            self.base,
-            usize::try_from(used),
-            usize::try_from(self.bytes),
-        ) else {
-            return;
-        };
-        // SAFETY: the tail of our own mapping, which nothing points into: the writer's pointers end
-        // with `finish`.
-        let _ = unsafe { rustix::mm::munmap(base.as_ptr().add(keep).cast(), all - keep) };
-        self.bytes = used;
-        if keep == 0 {
-            self.base = None;
+impl Mapping {
+    fn new(file: OwnedFd, room: u64, protection: ProtFlags) -> Result<Mapping, Failure> {
+        if room == 0 {
+            return Ok(Mapping {
+                file,
+                base: None,
+                room,
+            });
+        }
+        let length =
+            usize::try_from(room).map_err(|_| refuse("map", room, rustix::io::Errno::OVERFLOW))?;
+        let flags = MapFlags::SHARED | MapFlags::NORESERVE;
+        // SAFETY: a fresh mapping of a whole file. Our own files are trimmed only behind their
+        // content, which nothing points to, others' are sealed against shrinking.
+        let base =
+            unsafe { rustix::mm::mmap(std::ptr::null_mut(), length, protection, flags, &file, 0) }
+                .map_err(|error| refuse("map", room, error))?;
+        Ok(Mapping {
+            file,
+            base: NonNull::new(base.cast()),
+            room,
+        })
+    }
+
+    fn protect(&self, protection: MprotectFlags) -> rustix::io::Result<()> {
+        match (self.base, usize::try_from(self.room)) {
+            // SAFETY: exactly our own mapping.
+            (Some(base), Ok(length)) => unsafe {
+                rustix::mm::mprotect(base.as_ptr().cast(), length, protection)
+            },
+            _ => Ok(()),
+        }
+    }
+}
+
+impl Drop for Mapping {
+    fn drop(&mut self) {
+        if let (Some(base), Ok(length)) = (self.base, usize::try_from(self.room)) {
+            // SAFETY: exactly our own mapping, and regions hold its segment alive.
+            let _ = unsafe { rustix::mm::munmap(base.as_ptr().cast(), length) };
         }
     }
 }
 
 impl Drop for Segment {
     fn drop(&mut self) {
-        if let (Some(base), Ok(length)) = (self.base, usize::try_from(self.bytes)) {
-            // SAFETY: exactly our own mapping, and regions hold the segment alive.
-            let _ = unsafe { rustix::mm::munmap(base.as_ptr().cast(), length) };
+        if !*self.sent.get_mut()
+            && let (Some(mapping), Some(pool)) = (self.mapping.take(), self.pool.upgrade())
+        {
+            pool.keep(mapping, self.bytes);
         }
     }
-}
-
-/// A range of a sealed segment.
-#[derive(Clone, Debug)]
-pub struct Region {
-    segment: Arc<Segment>,
-    offset: u64,
-    bytes: u64,
-}
-
-impl Region {
-    /// A range of a segment.
-    ///
-    /// # Errors
-    /// When it does not lie inside.
-    pub fn new(segment: &Arc<Segment>, offset: u64, bytes: u64) -> Result<Region, Failure> {
-        match offset.checked_add(bytes) {
-            Some(end) if end <= segment.bytes => Ok(Region {
-                segment: Arc::clone(segment),
-                offset,
-                bytes,
-            }),
-            _ => Err(Failure::internal("a column lies outside its memory")),
-        }
-    }
-
-    /// The segment.
-    #[must_use]
-    pub fn segment(&self) -> &Arc<Segment> {
-        &self.segment
-    }
-
-    /// First byte within the segment.
-    #[must_use]
-    pub fn offset(&self) -> u64 {
-        self.offset
-    }
-
-    /// Number of bytes.
-    #[must_use]
-    pub fn bytes(&self) -> u64 {
-        self.bytes
-    }
-
-    /// Address of the first byte.
-    #[must_use]
-    pub fn pointer(&self) -> *mut u8 {
-        // Inside the mapping, as `new` checked; an empty region may dangle but is never read.
-        self.segment.base().wrapping_add(self.offset as usize)
-    }
-
-    /// The bytes as numbers.
-    #[must_use]
-    pub fn slice<T: Number>(&self) -> &[T] {
-        let count = self.bytes as usize / size_of::<T>();
-        let pointer = self.pointer().cast::<T>();
-        if count == 0 || !pointer.is_aligned() {
-            return &[];
-        }
-        // SAFETY: inside the mapping, aligned, sealed, and alive as long as `self`; every bit
-        // pattern is a value of a `Number`.
-        unsafe { std::slice::from_raw_parts(pointer, count) }
-    }
-}
-
-/// Types for which every bit pattern is a value.
-///
-/// # Safety
-/// That must be so.
-pub unsafe trait Number: Copy + Send + Sync + 'static {}
-macro_rules! numbers {
-    ($($type:ty),*) => {
-        $(
-            // SAFETY: every bit pattern is a value.
-            unsafe impl Number for $type {}
-        )*
-    };
-}
-numbers!(u8, i8, u16, i16, u32, i32, u64, i64, f32, f64);
-
-/// The bytes of a writable segment as numbers.
-///
-/// # Safety
-/// The range must lie in the segment, and nothing else may use it during `'a`.
-#[must_use]
-pub unsafe fn writable<'a, T: Number>(base: *mut u8, offset: u64, count: usize) -> &'a mut [T] {
-    let pointer = base.wrapping_add(offset as usize).cast::<T>();
-    if count == 0 || base.is_null() || !pointer.is_aligned() {
-        return &mut [];
-    }
-    // SAFETY: the caller's promise; aligned as checked.
-    unsafe { std::slice::from_raw_parts_mut(pointer, count) }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::region::{Region, writable};
     use super::*;
 
     #[test]
@@ -363,7 +337,7 @@ mod tests {
         assert_eq!(sealed.bytes(), 8192);
         let region = Region::new(&sealed, 0, 8000).unwrap();
         assert_eq!(region.slice::<f64>()[999], 999.0);
-        let copy = sealed.file().try_clone_to_owned().unwrap();
+        let copy = sealed.file().unwrap().try_clone_to_owned().unwrap();
         let other = Arc::new(Segment::open(copy, 8000).unwrap());
         let region = Region::new(&other, 8, 8).unwrap();
         assert_eq!(region.slice::<f64>(), [1.0]);

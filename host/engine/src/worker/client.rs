@@ -365,7 +365,7 @@ impl Prepared {
         worker
             .known
             .extend(fresh.iter().map(|one| (one.id(), Arc::downgrade(one))));
-        let (new, descriptors) = announce(&fresh);
+        let (new, descriptors) = announce(&fresh)?;
         worker.say(
             &ToWorker::Run {
                 inputs: wired,

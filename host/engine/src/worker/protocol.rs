@@ -2,7 +2,8 @@
 
 use crate::plugins::Finished;
 use crate::store::object::{ColumnData, Object, Stored};
-use crate::store::segment::{Region, Segment};
+use crate::store::region::Region;
+use crate::store::segment::Segment;
 use puncta_documents::{ColumnType, Failure, Header, Manifest, OutputForm, Plan, Request};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
@@ -178,15 +179,19 @@ impl Sent {
 }
 
 /// Number and length of segments, and their descriptors, for a message.
-pub fn announce(segments: &[Arc<Segment>]) -> (Vec<(u64, u64)>, Vec<BorrowedFd<'_>>) {
-    let numbers = segments
+pub type Announced<'a> = (Vec<(u64, u64)>, Vec<BorrowedFd<'a>>);
+
+/// What a message says of the segments that it refers to.
+///
+/// # Errors
+/// When the system refuses to protect one.
+pub fn announce(segments: &[Arc<Segment>]) -> Result<Announced<'_>, Failure> {
+    let numbers = segments.iter().map(|one| (one.id(), one.bytes())).collect();
+    let files = segments
         .iter()
-        .map(|segment| (segment.id(), segment.bytes()))
-        .collect();
-    (
-        numbers,
-        segments.iter().map(|segment| segment.file()).collect(),
-    )
+        .map(|one| one.file())
+        .collect::<Result<_, _>>()?;
+    Ok((numbers, files))
 }
 
 /// Maps what came with a message.

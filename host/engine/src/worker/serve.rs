@@ -165,7 +165,9 @@ impl Serving {
 
     fn context(&self, inputs: Vec<crate::store::Object>) -> Arc<JobContext> {
         let progress: Arc<dyn Progress> = Arc::clone(&self.reporter) as Arc<dyn Progress>;
-        JobContext::new(inputs, progress, Arc::clone(&self.pool))
+        // What a worker makes is sent away, so that there is nothing to use again.
+        let memory = Arc::new(crate::store::SegmentPool::new(0));
+        JobContext::new(inputs, progress, Arc::clone(&self.pool), memory)
     }
 
     fn prepare(&mut self, request: &Request) -> Result<(), Failure> {
@@ -198,7 +200,7 @@ impl Serving {
             .iter()
             .map(|one| sent.finished(one))
             .collect::<Result<Vec<_>, _>>()?;
-        let (new, descriptors) = announce(sent.segments());
+        let (new, descriptors) = announce(sent.segments())?;
         let message = FromWorker::Done { finished, new };
         let socket = self
             .reporter
