@@ -6,20 +6,23 @@ use crate::job::Progress;
 use crate::plugins::Finished;
 use crate::store::{Object, Segment};
 use puncta_documents::{Failure, FailureCode, Manifest, Plan, Request};
+use rustix::process::{Pid, Signal, WaitId, WaitIdOptions, kill_process_group, waitid};
 use std::collections::{HashMap, VecDeque};
 use std::io::{self, Read};
 use std::os::fd::OwnedFd;
 use std::os::unix::net::UnixStream;
-use std::os::unix::process::ExitStatusExt;
+use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
 /// A worker that was told to stop has this long before it is ended.
 const GRACE: Duration = Duration::from_millis(200);
 /// How often a waiting host looks whether the person cancelled.
 const GLANCE: Duration = Duration::from_millis(20);
+/// A worker that nobody called for so long is ended when the next one is called.
+const IDLE: Duration = Duration::from_secs(60);
 /// How long a frame may take that has begun.
 const FRAME: Duration = Duration::from_secs(10);
 /// Bytes of a worker's last words that are kept.
@@ -34,6 +37,8 @@ pub struct Worker {
     /// Segments that the worker has mapped.
     known: HashMap<u64, Weak<Segment>>,
     last_words: Arc<Mutex<VecDeque<u8>>>,
+    /// Whether its process has been waited for.
+    ended: bool,
 }
 
 fn broken(what: &str, error: &io::Error) -> Failure {
@@ -55,6 +60,8 @@ impl Worker {
             .stdin(Stdio::from(OwnedFd::from(other)))
             .stdout(Stdio::null())
             .stderr(Stdio::piped())
+            // A group of its own: what a plugin starts ends with its worker.
+            .process_group(0)
             .spawn()
             .map_err(|e| broken("start", &e))?;
         // A frame that has begun arrives whole; a worker that stops in the middle is broken.
@@ -72,6 +79,7 @@ impl Worker {
             name: name.into(),
             known: HashMap::new(),
             last_words,
+            ended: false,
         })
     }
 
@@ -158,21 +166,42 @@ impl Worker {
         Failure::internal(format!("the worker of {} gave a wrong answer", self.name))
     }
 
-    fn kill(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
+    /// Whether it still runs. Does not wait for it, so that its number stays its own.
+    fn alive(&self) -> bool {
+        let options = WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT;
+        let number = i32::try_from(self.child.id()).ok().and_then(Pid::from_raw);
+        let Some(number) = number.filter(|_| !self.ended) else {
+            return false;
+        };
+        matches!(waitid(WaitId::Pid(number), options), Ok(None))
+    }
+
+    /// Ends the worker, and whatever its plugin started.
+    fn kill(&mut self) -> Option<std::process::ExitStatus> {
+        if !std::mem::replace(&mut self.ended, true) {
+            let group = i32::try_from(self.child.id()).ok().and_then(Pid::from_raw);
+            if let Some(group) = group {
+                let _ = kill_process_group(group, Signal::KILL);
+            }
+            let _ = self.child.kill();
+        }
+        self.child.wait().ok()
     }
 
     /// Why the worker is gone, in a sentence.
     fn death(&mut self, what: &str) -> Failure {
-        let _ = self.child.kill();
-        let how = match self.child.wait() {
-            Ok(status) => match (status.signal(), status.code()) {
+        // Its own end may still be under way when the socket is already closed.
+        let begin = Instant::now();
+        while self.alive() && begin.elapsed() < GRACE {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        let how = match self.kill() {
+            Some(status) => match (status.signal(), status.code()) {
                 (Some(signal), _) => format!("crashed ({})", signal_name(signal)),
                 (None, Some(code)) => format!("ended its process with code {code}"),
                 _ => "ended its process".into(),
             },
-            Err(_) => "ended its process".into(),
+            None => "ended its process".into(),
         };
         // The reader of the last words ends with the process.
         std::thread::sleep(Duration::from_millis(5));
@@ -229,7 +258,7 @@ fn signal_name(signal: i32) -> String {
 pub struct Pool {
     program: PathBuf,
     threads: usize,
-    idle: Mutex<HashMap<PathBuf, Vec<Worker>>>,
+    idle: Mutex<HashMap<PathBuf, Vec<(Instant, Worker)>>>,
 }
 
 impl Pool {
@@ -254,7 +283,7 @@ impl Pool {
         Worker::start(&self.program, 1, &name.unwrap_or_default())?.open(path, door)
     }
 
-    fn idle(&self) -> std::sync::MutexGuard<'_, HashMap<PathBuf, Vec<Worker>>> {
+    fn idle(&self) -> MutexGuard<'_, HashMap<PathBuf, Vec<(Instant, Worker)>>> {
         self.idle.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -270,7 +299,7 @@ impl Pool {
         request: &Request,
         progress: &dyn Progress,
     ) -> Result<Prepared, Failure> {
-        let idle = self.idle().get_mut(path).and_then(Vec::pop);
+        let idle = self.take_idle(path);
         let mut worker = match idle {
             Some(worker) => worker,
             None => {
@@ -302,11 +331,29 @@ impl Pool {
         }
     }
 
+    /// A worker that waits for a call of this plugin. Those that waited too long are ended.
+    fn take_idle(&self, path: &Path) -> Option<Worker> {
+        let mut idle = self.idle();
+        let mut old = Vec::new();
+        for waiting in idle.values_mut() {
+            let long = |(since, _): &(Instant, Worker)| since.elapsed() > IDLE;
+            old.extend(waiting.extract_if(.., |one| long(one)));
+        }
+        let found = idle.get_mut(path).and_then(Vec::pop);
+        drop(idle);
+        // Ending a process takes longer than the lock should be held.
+        drop(old);
+        found.map(|(_, worker)| worker)
+    }
+
     /// Keeps a worker for the next call, unless the failure was its death.
-    fn give_back(&self, path: &Path, mut worker: Worker, failure: &Failure) {
-        let dead = !matches!(worker.child.try_wait(), Ok(None));
-        if !dead && failure.code != FailureCode::Crashed {
-            self.idle().entry(path.into()).or_default().push(worker);
+    fn give_back(&self, path: &Path, worker: Worker, failure: &Failure) {
+        if worker.alive() && failure.code != FailureCode::Crashed {
+            let now = Instant::now();
+            self.idle()
+                .entry(path.into())
+                .or_default()
+                .push((now, worker));
         }
     }
 }
@@ -378,7 +425,7 @@ impl Prepared {
             Ok((FromWorker::Done { finished, new }, received)) => (finished, new, received),
             Ok(_) => return Err(worker.confused()),
             Err(failure) => {
-                if !matches!(worker.child.try_wait(), Ok(None)) {
+                if !worker.alive() {
                     self.worker = None;
                 }
                 return Err(failure);

@@ -74,6 +74,7 @@ struct Serving {
 /// When standard input is no socket, or the system gives no threads.
 pub fn serve(threads: usize) -> Result<(), Failure> {
     let failed = |what: &str| Failure::internal(format!("a worker cannot {what}"));
+    volunteer();
     let socket = take_stdin().map_err(|_| failed("use its socket"))?;
     let listening = socket.try_clone().map_err(|_| failed("use its socket"))?;
     let pool = rayon::ThreadPoolBuilder::new()
@@ -101,6 +102,12 @@ pub fn serve(threads: usize) -> Result<(), Failure> {
         }
     }
     end()
+}
+
+/// When the machine runs out of memory, a worker goes before the session.
+fn volunteer() {
+    // A system that does not know this decides for itself.
+    let _ = std::fs::write("/proc/self/oom_score_adj", "1000");
 }
 
 /// Standard input as a socket; a plugin that reads standard input finds it empty.
