@@ -1,7 +1,8 @@
 //! Inputs against an operation's ports: kinds, columns, units.
 
+use crate::recipe::check_units;
 use crate::store::Object;
-use puncta_documents::{Failure, Map, Operation, Port, units};
+use puncta_documents::{Failure, Map, Operation, Port};
 
 /// A column that was converted to the unit that an operation needs.
 #[derive(Clone, Debug, PartialEq)]
@@ -90,55 +91,17 @@ fn fit(
         );
         return Err(Failure::bad_input(message));
     }
+    let conversions =
+        check_units(port, parameters, header).map_err(|failure| failure.context(&operation.id))?;
     let mut object = object.clone();
-    for need in &port.columns {
-        let name = match need.name.strip_prefix('$') {
-            None => need.name.as_str(),
-            Some(parameter) => match parameters.get(parameter).and_then(|value| value.as_str()) {
-                Some(name) => name,
-                None => continue,
-            },
-        };
-        let Some(column) = object.header().column(name) else {
-            let names: Vec<String> = object
-                .header()
-                .parts
-                .first()
-                .map(|part| {
-                    part.columns
-                        .iter()
-                        .map(|column| column.name.clone())
-                        .collect()
-                })
-                .unwrap_or_default();
-            let message = format!(
-                "{} needs a column {name}, which {} does not have",
-                operation.id,
-                object.header().name
-            );
-            return Err(Failure::bad_input(message).remedy(format!("it has {}", names.join(", "))));
-        };
-        let Some(to) = need.unit.as_deref().filter(|to| *to != column.unit) else {
-            continue;
-        };
-        let from = column.unit.clone();
-        let factor = units::conversion(&from, to).map_err(|_| {
-            let message = format!(
-                "{} needs column {name} in {to}, and its unit is \"{from}\"",
-                operation.id
-            );
-            Failure::bad_input(message).remedy(format!(
-                "say the unit when reading the file: --units {name}={to}"
-            ))
-        })?;
-        object = pool.install(|| object.converted(name, factor, to))?;
-        let (port, column, to) = (port.name.clone(), name.to_owned(), to.to_owned());
+    for one in conversions {
+        object = pool.install(|| object.converted(&one.column, one.factor, &one.to))?;
         converted.push(Converted {
-            port,
-            column,
-            from,
-            to,
-            factor,
+            port: port.name.clone(),
+            column: one.column,
+            from: one.from,
+            to: one.to,
+            factor: one.factor,
         });
     }
     Ok(object)

@@ -350,7 +350,7 @@ fn units_are_converted_and_recorded() {
         "{message}"
     );
     assert!(
-        message.contains("options.units = { x = \"nm\" }"),
+        message.contains("option units = \"x=nm\""),
         "{message}"
     );
     assert!(report.step("b").unwrap().message().unwrap().contains("px"));

@@ -89,12 +89,12 @@ fn check_column(
         ))
         .remedy(if unknown {
             format!(
-                "say its unit when the file is read: options.units = {{ {column} = \"{unit}\" }}"
+                "say its unit when the file is read, by the reader's option units = \"{column}={unit}\""
             )
         } else {
             format!(
-                "choose another column, or correct its unit with options.units = {{ {column} = \
-                 \"{unit}\" }} of the input"
+                "choose another column, or correct its unit by the reader's option units = \
+                 \"{column}={unit}\""
             )
         })
     })?;
