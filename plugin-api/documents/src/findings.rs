@@ -23,15 +23,60 @@ pub struct Series {
     pub table: Option<String>,
     /// Column name, or numbers.
     pub x: Value,
-    /// Column name, or numbers.
+    /// Column name, or numbers. Of a band: its lower end.
     pub y: Value,
+    /// Bands: the upper end.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub upper: Option<Value>,
     /// Members that this version does not know.
     #[serde(flatten)]
     pub rest: Map,
 }
 
+impl Series {
+    /// Two columns of the table that the same step puts out on the port `table`.
+    pub fn columns(label: &str, style: &str, table: &str, x: &str, y: &str) -> Series {
+        Series {
+            label: label.into(),
+            style: style.into(),
+            table: Some(table.into()),
+            x: x.into(),
+            y: y.into(),
+            upper: None,
+            rest: Map::new(),
+        }
+    }
+
+    /// Numbers that the figure holds itself, at most [`MAX_INLINE`] in all.
+    pub fn numbers(label: &str, style: &str, x: &[f64], y: &[f64]) -> Series {
+        let array = |values: &[f64]| {
+            values
+                .iter()
+                .map(|value| number::to_value(*value))
+                .collect()
+        };
+        Series {
+            label: label.into(),
+            style: style.into(),
+            table: None,
+            x: array(x),
+            y: array(y),
+            upper: None,
+            rest: Map::new(),
+        }
+    }
+
+    /// Makes it a band up to the column `upper`.
+    #[must_use]
+    pub fn up_to(mut self, upper: &str) -> Series {
+        self.style = "band".into();
+        self.upper = Some(upper.into());
+        self
+    }
+}
+
 /// A plot as a document. Format `puncta.figure/1`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Figure {
     /// Output port.
     pub output: String,
@@ -43,23 +88,45 @@ pub struct Figure {
     pub y: [String; 2],
     /// Curves.
     pub series: Vec<Series>,
+    /// What was done with which parameters, for the reader of the figure.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub caption: String,
+    /// Axes with a logarithmic scale: `x`, `y`, `xy`; linear if empty.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub logarithmic: String,
     /// Members that this version does not know.
     #[serde(flatten)]
     pub rest: Map,
 }
 
 impl Figure {
+    /// A figure without curves for an output port; axes as `[label, unit]`.
+    pub fn new(output: &str, title: &str, x: [&str; 2], y: [&str; 2]) -> Figure {
+        Figure {
+            output: output.into(),
+            title: title.into(),
+            x: x.map(Into::into),
+            y: y.map(Into::into),
+            ..Figure::default()
+        }
+    }
+
+    /// Adds a curve.
+    #[must_use]
+    pub fn with(mut self, series: Series) -> Figure {
+        self.series.push(series);
+        self
+    }
+
     /// Checks the size of what the figure holds inline.
     ///
     /// # Errors
     /// A sentence for the plugin's author.
     pub fn check(&self) -> Result<(), String> {
         let count = |value: &Value| value.as_array().map_or(0, Vec::len);
-        let inline: usize = self
-            .series
-            .iter()
-            .map(|one| count(&one.x) + count(&one.y))
-            .sum();
+        let all =
+            |one: &Series| count(&one.x) + count(&one.y) + one.upper.as_ref().map_or(0, count);
+        let inline: usize = self.series.iter().map(all).sum();
         if inline > MAX_INLINE {
             return Err(format!(
                 "figure \"{}\" holds {inline} numbers itself, more than {MAX_INLINE}; put them \

@@ -1,5 +1,6 @@
 //! The cases.
 
+use crate::calls::{self, CALLS};
 use crate::data;
 use crate::figures::Figure;
 use puncta_engine::documents::Map;
@@ -14,7 +15,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 /// Names in the order of running; those of other programs' measurements where there are any.
-pub const NAMES: &[&str] = &[
+const NAMES: &[&str] = &[
     "csv_load_1000000",
     "csv_load_10000000",
     "hdf_load_1000000",
@@ -30,10 +31,19 @@ pub const NAMES: &[&str] = &[
     "worker_call",
 ];
 
+/// Names of all cases.
+pub fn names() -> impl Iterator<Item = &'static str> {
+    let calls = CALLS.iter().map(|(name, ..)| *name);
+    NAMES.iter().copied().chain(calls)
+}
+
 /// Runs a case.
 pub fn run(name: &str) -> Figure {
     let bundle = data::bundle();
     let engine = data::engine(&bundle);
+    if let Some(case) = CALLS.iter().find(|(call, ..)| *call == name) {
+        return calls::run(case, &engine);
+    }
     let count = |place: usize| -> String {
         name.split('_')
             .nth(place)
@@ -65,7 +75,7 @@ pub fn run(name: &str) -> Figure {
 }
 
 /// Median of seven runs after two that warm up.
-fn measure(name: &str, mut work: impl FnMut() -> String) -> Figure {
+pub fn measure(name: &str, mut work: impl FnMut() -> String) -> Figure {
     let mut times = Vec::new();
     let mut digest = String::new();
     for turn in 0..9 {
@@ -76,6 +86,11 @@ fn measure(name: &str, mut work: impl FnMut() -> String) -> Figure {
         }
     }
     figure(name, times, digest)
+}
+
+/// A figure with its digest.
+pub fn figure_of(figure: Figure, digest: String) -> Figure {
+    Figure { digest, ..figure }
 }
 
 fn figure(name: &str, mut times: Vec<f64>, digest: String) -> Figure {

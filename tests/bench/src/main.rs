@@ -11,6 +11,7 @@
     clippy::expect_used
 )]
 
+mod calls;
 mod cases;
 mod data;
 mod figures;
@@ -39,7 +40,7 @@ fn main() {
         }
     }
     let mut figures = Vec::new();
-    for name in cases::NAMES {
+    for name in cases::names() {
         let chosen = wanted.is_empty() || wanted.iter().any(|part| name.contains(part.as_str()));
         if !chosen {
             continue;

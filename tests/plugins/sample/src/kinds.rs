@@ -30,22 +30,8 @@ impl Operation for AllKinds {
         table(job)?;
         image(job, self.forget)?;
         mesh(job)?;
-        let series = Series {
-            label: "curve".into(),
-            style: "line".into(),
-            table: None,
-            x: json!([0, 1]),
-            y: json!([2, 3]),
-            rest: Map::new(),
-        };
-        job.figure(&Figure {
-            output: "figure".into(),
-            title: "A curve".into(),
-            x: ["r".into(), "nm".into()],
-            y: ["K".into(), "nm^2".into()],
-            series: vec![series],
-            rest: Map::new(),
-        })?;
+        let series = Series::numbers("curve", "line", &[0.0, 1.0], &[2.0, 3.0]);
+        job.figure(&Figure::new("figure", "A curve", ["r", "nm"], ["K", "nm^2"]).with(series))?;
         let mut report = Report::new("report");
         report.number("answer", f64::INFINITY, "nm").interval = Some([json!(1), json!(2)]);
         job.report(&report)

@@ -1,0 +1,9 @@
+//! Pair distances, Ripley functions and nearest neighbours.
+
+puncta_sdk::plugin! {
+    id: "puncta.ripley",
+    title: "Spatial statistics",
+    description: "Pair distances, Ripley functions and nearest neighbours.",
+    isolation: "none",
+    reentrant: true
+}

@@ -1,0 +1,1 @@
+//! Fourier transforms of images and volumes on all threads.

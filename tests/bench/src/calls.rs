@@ -1,0 +1,48 @@
+//! Cases that are one call of an operation on a table.
+
+use crate::cases::{figure_of, measure};
+use crate::data;
+use crate::figures::Figure;
+use puncta_engine::{Engine, Object};
+use puncta_tests::unwatched;
+use serde_json::{Value, json};
+
+/// A case: its name, the operation, its parameters as JSON, and the file with the table.
+type Case = (&'static str, &'static str, &'static str, &'static str);
+
+/// The cases, by operation.
+pub const CALLS: &[Case] = &[];
+
+/// Runs a case of [`CALLS`]. Its digest: the rows of each output and the numbers of each report.
+pub fn run(case: &Case, engine: &Engine) -> Figure {
+    let (name, operation, parameters, file) = case;
+    let table = data::read(engine, file);
+    let parameters: Value = serde_json::from_str(parameters).expect("parameters");
+    let invocation = data::invocation(operation, parameters, Some(&table));
+    let mut prepared = engine.prepare(&invocation, &unwatched()).expect("a plan");
+    let mut outputs = Vec::new();
+    let figure = measure(name, || {
+        outputs.clear();
+        outputs = prepared.run(&unwatched()).expect("a result");
+        String::new()
+    });
+    let digest: Vec<String> = outputs
+        .iter()
+        .map(|(port, object)| format!("{port}:{}", summary(object)))
+        .collect();
+    figure_of(figure, digest.join(";"))
+}
+
+fn summary(object: &Object) -> String {
+    match &object.header().document {
+        Some(document) => document
+            .get("values")
+            .and_then(Value::as_array)
+            .into_iter()
+            .flatten()
+            .map(|value| format!("{}={}", value["name"], value["value"]))
+            .collect::<Vec<_>>()
+            .join(","),
+        None => format!("rows={}", json!(object.header().rows())),
+    }
+}
