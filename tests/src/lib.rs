@@ -3,6 +3,7 @@
 
 use puncta_engine::engine::Options;
 use puncta_engine::plugins::catalogue::{self, Folder};
+use puncta_engine::worker::{Pool, Start};
 use puncta_engine::{Engine, Isolation, Progress, Unwatched};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -75,7 +76,7 @@ impl Bundle {
         let place = build_folder().join("test-bundles");
         std::fs::create_dir_all(&place).expect("a folder");
         let folder = tempfile::tempdir_in(place).expect("a temporary folder");
-        let workers = Arc::new(puncta_engine::worker::Pool::new(program(), 1));
+        let workers = Arc::new(Pool::new(Start::new(program())));
         for package in packages {
             let library = library(package);
             let place = folder.path().join("plugins").join(package);
@@ -108,6 +109,7 @@ impl Bundle {
             threads: 2,
             isolation: Isolation::ByPlugin,
             memory: 8 << 30,
+            worker_memory: 4 << 30,
         }
     }
 

@@ -195,7 +195,8 @@ fn offsets_in_cpp() {
 fn the_door_refuses_a_doctored_plugin() {
     use std::env::consts::{DLL_PREFIX, DLL_SUFFIX};
     let doctored = puncta_tests::product(&format!("examples/{DLL_PREFIX}doctored{DLL_SUFFIX}"));
-    let workers = puncta_engine::worker::Pool::new(puncta_tests::program(), 1);
+    use puncta_engine::worker::{Pool, Start};
+    let workers = Pool::new(Start::new(puncta_tests::program()));
     let failure = puncta_engine::plugins::catalogue::describe(&doctored, &workers)
         .unwrap_err()
         .to_string();

@@ -29,6 +29,7 @@ const NAMES: &[&str] = &[
     "empty_call",
     "empty_step",
     "worker_call",
+    "worker_fresh_160mb",
 ];
 
 /// Names of all cases.
@@ -70,7 +71,8 @@ pub fn run(name: &str) -> Figure {
         }
         "empty_call" => empty(name, &engine),
         "empty_step" => steps(name, engine),
-        _ => worker(name, &bundle.engine(Isolation::Always)),
+        "worker_call" => worker(name, &bundle.engine(Isolation::Always)),
+        _ => fresh(name, &bundle.engine(Isolation::Always)),
     }
 }
 
@@ -264,4 +266,22 @@ fn worker(name: &str, engine: &Engine) -> Figure {
         let called = engine.call(&invocation, &unwatched()).expect("a call");
         format!("rows={}", called.outputs[0].1.header().rows())
     })
+}
+
+/// A call in a worker that sees its 80 MB of input for the first time and writes 80 MB.
+fn fresh(name: &str, engine: &Engine) -> Figure {
+    let points = json!({"rows": 10_000_000});
+    let points = data::invocation("test.points/1", points, None);
+    let mut times = Vec::new();
+    for turn in 0..9 {
+        let called = engine.call(&points, &unwatched()).expect("points");
+        let invocation = data::invocation("test.scale/1", json!({}), Some(&called.outputs[0].1));
+        let begin = Instant::now();
+        let scaled = engine.call(&invocation, &unwatched()).expect("a call");
+        if turn > 1 {
+            times.push(begin.elapsed().as_secs_f64());
+        }
+        drop(scaled);
+    }
+    figure(name, times, "10000000 rows".into())
 }

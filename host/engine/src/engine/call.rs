@@ -3,9 +3,10 @@
 use super::{Engine, check};
 use crate::job::Progress;
 use crate::plugins::catalogue::Installed;
+use crate::plugins::context::Resources;
 use crate::plugins::library;
 use crate::plugins::{Finished, JobContext};
-use crate::store::{Object, SegmentPool, Selection, Stored};
+use crate::store::{Object, Selection, Stored};
 use crate::worker;
 use puncta_documents::{
     Failure, FailureCode, FileRef, InputRef, Map, Operation, OutputForm, Plan, Request, schema,
@@ -49,8 +50,7 @@ pub struct PreparedCall {
     parameters: Map,
     inputs: Vec<Object>,
     converted: Vec<check::Converted>,
-    pool: Arc<rayon::ThreadPool>,
-    segments: Arc<SegmentPool>,
+    resources: Resources,
 }
 
 impl Engine {
@@ -90,8 +90,7 @@ impl Engine {
             parameters,
             inputs: bound.into_iter().map(|(_, object)| object).collect(),
             converted,
-            pool: Arc::clone(&self.pool),
-            segments: Arc::clone(&self.segments),
+            resources: self.resources(),
         };
         self.check_plan(operation, &call)?;
         Ok(call)
@@ -104,12 +103,7 @@ impl Engine {
         progress: &Arc<dyn Progress>,
     ) -> Result<Backend, Failure> {
         if self.in_process(plugin) {
-            let context = JobContext::new(
-                Vec::new(),
-                Arc::clone(progress),
-                Arc::clone(&self.pool),
-                Arc::clone(&self.segments),
-            );
+            let context = JobContext::new(Vec::new(), Arc::clone(progress), self.resources());
             return self
                 .library(plugin)?
                 .prepare(&context, request)
@@ -219,30 +213,22 @@ impl PreparedCall {
         }
         let finished = match &mut self.backend {
             Backend::InProcess(prepared) => {
-                let (inputs, pool) = (self.inputs.clone(), Arc::clone(&self.pool));
-                let context = JobContext::new(
-                    inputs,
-                    Arc::clone(progress),
-                    pool,
-                    Arc::clone(&self.segments),
-                );
+                let (inputs, resources) = (self.inputs.clone(), self.resources.clone());
+                let context = JobContext::new(inputs, Arc::clone(progress), resources);
                 prepared.run(&context)?;
                 context.take_finished()
             }
             Backend::Worker(prepared) => {
                 // Gathering selections uses the pool.
-                let (pool, inputs) = (&self.pool, &self.inputs);
-                let prepared: &mut worker::Prepared = prepared;
-                let gathered = gather(pool, inputs, prepared.plan());
-                gathered?;
-                prepared.run(inputs, &**progress)?
+                gather(&self.resources.threads, &self.inputs, prepared.plan())?;
+                prepared.run(&self.inputs, &**progress)?
             }
         };
         let (inputs, id) = (&self.inputs, &self.operation);
         let assembled = finished.into_iter().map(|one| {
             // Only selections have work for the pool, and waking it takes longer than the rest.
             let assembled = match one.form {
-                OutputForm::Selection => self.pool.install(|| assemble(one, inputs)),
+                OutputForm::Selection => self.resources.threads.install(|| assemble(one, inputs)),
                 _ => assemble(one, inputs),
             };
             assembled.map_err(|failure| failure.context(id))

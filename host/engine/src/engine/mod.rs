@@ -15,6 +15,7 @@ pub use recipe::{SourceFile, Steps, lineage};
 pub use write::Written;
 
 use crate::plugins::catalogue::{Catalogue, Folder, Installed};
+use crate::plugins::context::Resources;
 use crate::plugins::library::Library;
 use crate::store::SegmentPool;
 use crate::worker;
@@ -53,6 +54,8 @@ pub struct Options {
     pub isolation: Isolation,
     /// Bytes that a call may use for its outputs and its work.
     pub memory: u64,
+    /// Bytes of private memory that a worker process may have.
+    pub worker_memory: u64,
 }
 
 impl Options {
@@ -79,15 +82,17 @@ impl Options {
                 bundled: true,
             });
         }
+        let installed = crate::store::installed_memory().unwrap_or(64 << 30);
         let cache = std::env::var_os("PUNCTA_CACHE").map(PathBuf::from);
         let cache = cache.or_else(|| dirs::cache_dir().map(|folder| folder.join("puncta")));
         Options {
             folders,
             cache: cache.unwrap_or_else(|| std::env::temp_dir().join("puncta")),
+            worker_memory: worker::Start::new(program.clone()).memory,
             program,
             threads: 0,
             isolation: Isolation::ByPlugin,
-            memory: 64 << 30,
+            memory: installed,
         }
     }
 }
@@ -124,7 +129,11 @@ impl Engine {
             })?;
         Ok(Engine {
             catalogue: Catalogue::scan(&options.folders),
-            workers: Arc::new(worker::Pool::new(options.program.clone(), threads)),
+            workers: Arc::new(worker::Pool::new(worker::Start {
+                program: options.program.clone(),
+                threads,
+                memory: options.worker_memory,
+            })),
             pool: Arc::new(pool),
             segments: Arc::new(SegmentPool::new(KEPT_BYTES)),
             options,
@@ -149,6 +158,14 @@ impl Engine {
     #[must_use]
     pub fn pool(&self) -> &Arc<rayon::ThreadPool> {
         &self.pool
+    }
+
+    fn resources(&self) -> Resources {
+        Resources {
+            threads: Arc::clone(&self.pool),
+            memory: Arc::clone(&self.segments),
+            budget: self.options.memory,
+        }
     }
 
     /// The operation with this id; without a revision, the newest.

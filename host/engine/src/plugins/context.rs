@@ -15,6 +15,8 @@ struct State {
     finished: Vec<Finished>,
     failure: Option<Failure>,
     refusal: Option<Failure>,
+    /// Bytes that the outputs have so far.
+    bytes: u64,
 }
 
 /// A running call.
@@ -22,9 +24,19 @@ pub struct JobContext {
     inputs: Vec<Object>,
     plan: Mutex<Arc<Plan>>,
     progress: Arc<dyn Progress>,
-    pool: Arc<rayon::ThreadPool>,
-    memory: Arc<SegmentPool>,
+    resources: Resources,
     state: Mutex<State>,
+}
+
+/// What a call may use.
+#[derive(Clone, Debug)]
+pub struct Resources {
+    /// Threads for `parallel_for`.
+    pub threads: Arc<rayon::ThreadPool>,
+    /// Memory that earlier results left.
+    pub memory: Arc<SegmentPool>,
+    /// Bytes that its outputs may have together.
+    pub budget: u64,
 }
 
 /// Number of the first output; smaller numbers are inputs.
@@ -36,15 +48,13 @@ impl JobContext {
     pub fn new(
         inputs: Vec<Object>,
         progress: Arc<dyn Progress>,
-        pool: Arc<rayon::ThreadPool>,
-        memory: Arc<SegmentPool>,
+        resources: Resources,
     ) -> Arc<JobContext> {
         Arc::new(JobContext {
             inputs,
             plan: Mutex::new(Arc::default()),
             progress,
-            pool,
-            memory,
+            resources,
             state: Mutex::default(),
         })
     }
@@ -62,7 +72,7 @@ impl JobContext {
     /// Threads for `parallel_for`.
     #[must_use]
     pub fn pool(&self) -> &rayon::ThreadPool {
-        &self.pool
+        &self.resources.threads
     }
 
     /// Sets the plan whose columns `run` may read.
@@ -85,7 +95,8 @@ impl JobContext {
             .iter()
             .find(|read| read.input == input && read.part == part);
         let names = read.map_or(&[][..], |read| &read.columns);
-        self.pool
+        self.resources
+            .threads
             .install(|| names.iter().map(|name| object.column(part, name)).collect())
     }
 
@@ -117,7 +128,7 @@ impl JobContext {
     pub fn begin(&self, output: Output) -> Result<u64, Failure> {
         self.check_output(&output)?;
         let layout = Layout::of(&output.header)?;
-        let segment = Segment::create_in(&self.memory, layout.bytes)?;
+        let segment = Segment::create_in(&self.resources.memory, layout.bytes)?;
         first_offsets(&segment, &layout);
         let committed = vec![0; output.header.parts.len()];
         let mut state = self.state();
@@ -263,6 +274,7 @@ impl JobContext {
         if self.progress.cancelled() {
             return Err(Failure::cancelled());
         }
+        self.afford(object, part, rows)?;
         self.with_open(object, |open| {
             let room = open
                 .output
@@ -280,10 +292,34 @@ impl JobContext {
             let ranges = open.layout.parts[part].iter().map(|place| {
                 place.data + begin * place.row_bytes..place.data + end * place.row_bytes
             });
-            commit_ranges(&open.segment, ranges.collect(), &self.pool)?;
+            commit_ranges(&open.segment, ranges.collect(), &self.resources.threads)?;
             open.committed[part] = end;
             Ok(())
         })
+    }
+
+    /// Counts rows that are about to be committed.
+    fn afford(&self, object: u64, part: usize, rows: u64) -> Result<(), Failure> {
+        let row_bytes = self.with_open(object, |open| {
+            let places = open.layout.parts.get(part);
+            Ok(places.map_or(0, |places| {
+                places.iter().map(|place| place.row_bytes).sum::<u64>()
+            }))
+        })?;
+        let mut state = self.state();
+        let bytes = state.bytes.saturating_add(rows.saturating_mul(row_bytes));
+        if bytes > self.resources.budget {
+            let megabytes = |bytes: u64| bytes.div_ceil(1 << 20);
+            let message = format!(
+                "the results would need {} MB of memory, and {} MB are allowed",
+                megabytes(bytes),
+                megabytes(self.resources.budget)
+            );
+            let failure = Failure::new(FailureCode::Resources, message);
+            return Err(failure.remedy("use a smaller part of the data or a coarser result"));
+        }
+        state.bytes = bytes;
+        Ok(())
     }
 
     /// Ends an output.

@@ -11,4 +11,4 @@ pub use layout::Layout;
 pub use object::{ColumnData, Object, Selection, Stored};
 pub use pool::SegmentPool;
 pub use region::Region;
-pub use segment::Segment;
+pub use segment::{Segment, installed_memory};

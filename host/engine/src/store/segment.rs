@@ -27,15 +27,19 @@ const CAREFUL: u64 = 1 << 24;
 #[must_use]
 pub fn available() -> Option<u64> {
     let text = std::fs::read_to_string("/proc/meminfo").ok()?;
-    let field = |name: &str| -> Option<u64> {
-        let line = text.lines().find_map(|line| line.strip_prefix(name))?;
-        line.split_whitespace()
-            .next()?
-            .parse::<u64>()
-            .ok()?
-            .checked_mul(1024)
-    };
-    Some(field("MemAvailable:")?.saturating_sub(field("MemTotal:")? / 16))
+    Some(field(&text, "MemAvailable:")?.saturating_sub(field(&text, "MemTotal:")? / 16))
+}
+
+/// Bytes that the machine has.
+#[must_use]
+pub fn installed_memory() -> Option<u64> {
+    field(&std::fs::read_to_string("/proc/meminfo").ok()?, "MemTotal:")
+}
+
+fn field(text: &str, name: &str) -> Option<u64> {
+    let line = text.lines().find_map(|line| line.strip_prefix(name))?;
+    let kilobytes: u64 = line.split_whitespace().next()?.parse().ok()?;
+    kilobytes.checked_mul(1024)
 }
 
 /// A mapped file in memory.
@@ -162,8 +166,12 @@ impl Segment {
         if !self.sent.swap(true, Ordering::Relaxed) {
             let protect = |error| refuse("protect", self.bytes, error);
             rustix::fs::ftruncate(&mapping.file, self.bytes).map_err(protect)?;
+            // Nobody maps it to write from now on; our own mapping is write-protected.
             let seals = SealFlags::SHRINK | SealFlags::GROW;
-            rustix::fs::fcntl_add_seals(&mapping.file, seals).map_err(protect)?;
+            rustix::fs::fcntl_add_seals(&mapping.file, seals | SealFlags::FUTURE_WRITE)
+                // Kernels before 5.1 do not know the last one.
+                .or_else(|_| rustix::fs::fcntl_add_seals(&mapping.file, seals))
+                .map_err(protect)?;
         }
         Ok(mapping.file.as_fd())
     }

@@ -4,9 +4,16 @@
 //! the descriptors of their segments travel with the frames, and the other side maps them.
 
 mod client;
+mod limits;
+mod offspring;
+mod output;
+mod pool;
+mod process;
 mod protocol;
 mod serve;
 mod socket;
 
-pub use client::{Pool, Prepared, Worker};
+pub use client::Prepared;
+pub use pool::Pool;
+pub use process::{Start, Worker};
 pub use serve::serve;

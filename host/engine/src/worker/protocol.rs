@@ -14,8 +14,12 @@ use std::sync::Arc;
 /// From the host.
 #[derive(Debug, Serialize, Deserialize)]
 pub enum ToWorker {
-    /// Open a library.
-    Open { path: PathBuf, door: bool },
+    /// Open a library, with so much private memory at most.
+    Open {
+        path: PathBuf,
+        door: bool,
+        memory: u64,
+    },
     /// Prepare a call; there is one at a time.
     Prepare { request: Request },
     /// Run it. Segments that are new to the worker come as descriptors, in the order of `new`.
@@ -24,7 +28,7 @@ pub enum ToWorker {
         new: Vec<(u64, u64)>,
         forget: Vec<u64>,
     },
-    /// Forget the prepared call.
+    /// Forget the prepared call, if there is one, and tidy up.
     Drop,
     /// Stop what runs.
     Cancel,
@@ -42,6 +46,8 @@ pub enum FromWorker {
         finished: Vec<WireFinished>,
         new: Vec<(u64, u64)>,
     },
+    /// Nothing is left of the last call, except what a next one should not inherit.
+    Rested { worn: Option<String> },
     /// What was asked failed.
     Failed { failure: Failure },
     /// Fraction and phase of what runs.

@@ -1,16 +1,19 @@
 //! The worker's side.
 
+use super::limits::{self, Usage};
+use super::offspring;
+use super::process::LOST;
 use super::protocol::{FromWorker, Sent, ToWorker, WireObject, accept, announce};
 use super::socket;
 use crate::job::Progress;
-use crate::plugins::context::JobContext;
+use crate::plugins::context::{JobContext, Resources};
 use crate::plugins::library::{Library, Prepared};
 use crate::store::segment::Segment;
 use puncta_documents::{Failure, Request};
 use std::collections::HashMap;
-use std::os::fd::OwnedFd;
+use std::os::fd::{BorrowedFd, OwnedFd};
 use std::os::unix::net::UnixStream;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
 use std::time::{Duration, Instant};
 
@@ -19,14 +22,36 @@ struct Reporter {
     socket: Mutex<UnixStream>,
     cancel: AtomicBool,
     last: Mutex<Option<Instant>>,
+    /// Messages of the call so far.
+    messages: AtomicU32,
+    /// The process that may speak: a copy of it that a plugin forks may not.
+    process: u32,
 }
+
+/// Messages of a call that are passed on.
+const MESSAGES: u32 = 1000;
+/// Bytes of a message that are passed on.
+const MESSAGE: usize = 4096;
 
 impl Reporter {
     fn say(&self, message: &FromWorker) {
-        let socket = self.socket.lock().unwrap_or_else(PoisonError::into_inner);
-        if socket::send(&socket, message, &[]).is_err() {
-            end();
+        self.send(message, &[]);
+    }
+
+    fn send(&self, message: &FromWorker, descriptors: &[BorrowedFd<'_>]) {
+        if std::process::id() != self.process {
+            std::process::abort();
         }
+        let socket = self.socket.lock().unwrap_or_else(PoisonError::into_inner);
+        if socket::send(&socket, message, descriptors).is_err() {
+            // The host sees from the code that it was not the plugin that ended the process.
+            std::process::exit(LOST);
+        }
+    }
+
+    fn begin(&self) {
+        self.cancel.store(false, Ordering::Relaxed);
+        self.messages.store(0, Ordering::Relaxed);
     }
 }
 
@@ -44,10 +69,12 @@ impl Progress for Reporter {
     }
 
     fn message(&self, level: u32, text: &str) {
-        self.say(&FromWorker::Message {
-            level,
-            text: text.into(),
-        });
+        let text = match self.messages.fetch_add(1, Ordering::Relaxed) {
+            0..MESSAGES => text[..text.floor_char_boundary(MESSAGE)].into(),
+            MESSAGES => "further messages of this call are left out".into(),
+            _ => return,
+        };
+        self.say(&FromWorker::Message { level, text });
     }
 
     fn cancelled(&self) -> bool {
@@ -55,9 +82,12 @@ impl Progress for Reporter {
     }
 }
 
-/// The host is gone: so are we, without running anything more of the plugin.
+/// The host is gone: so are we and what the plugin started, without running anything more of it.
 fn end() -> ! {
-    std::process::exit(0)
+    offspring::end_children();
+    let own = rustix::process::getpid();
+    let _ = rustix::process::kill_process(own, rustix::process::Signal::KILL);
+    std::process::abort()
 }
 
 struct Serving {
@@ -65,6 +95,9 @@ struct Serving {
     pool: Arc<rayon::ThreadPool>,
     library: Option<Arc<Library>>,
     prepared: Option<Prepared>,
+    /// Bytes that the prepared call may use.
+    budget: u64,
+    usage: Option<Usage>,
     segments: HashMap<u64, Arc<Segment>>,
 }
 
@@ -74,7 +107,7 @@ struct Serving {
 /// When standard input is no socket, or the system gives no threads.
 pub fn serve(threads: usize) -> Result<(), Failure> {
     let failed = |what: &str| Failure::internal(format!("a worker cannot {what}"));
-    volunteer();
+    offspring::adopt();
     let socket = take_stdin().map_err(|_| failed("use its socket"))?;
     let listening = socket.try_clone().map_err(|_| failed("use its socket"))?;
     let pool = rayon::ThreadPoolBuilder::new()
@@ -85,6 +118,8 @@ pub fn serve(threads: usize) -> Result<(), Failure> {
         socket: Mutex::new(socket),
         cancel: AtomicBool::new(false),
         last: Mutex::new(None),
+        messages: AtomicU32::new(0),
+        process: std::process::id(),
     });
     let (sender, orders) = mpsc::channel();
     let canceller = Arc::clone(&reporter);
@@ -94,6 +129,8 @@ pub fn serve(threads: usize) -> Result<(), Failure> {
         pool: Arc::new(pool),
         library: None,
         prepared: None,
+        budget: u64::MAX,
+        usage: None,
         segments: HashMap::new(),
     };
     for (order, descriptors) in orders {
@@ -102,12 +139,6 @@ pub fn serve(threads: usize) -> Result<(), Failure> {
         }
     }
     end()
-}
-
-/// When the machine runs out of memory, a worker goes before the session.
-fn volunteer() {
-    // A system that does not know this decides for itself.
-    let _ = std::fs::write("/proc/self/oom_score_adj", "1000");
 }
 
 /// Standard input as a socket; a plugin that reads standard input finds it empty.
@@ -125,11 +156,11 @@ fn listen(
     orders: &mpsc::Sender<(ToWorker, Vec<OwnedFd>)>,
 ) {
     loop {
-        match socket::receive::<ToWorker>(socket) {
+        match socket::receive::<ToWorker>(socket, &|| true) {
             Ok((ToWorker::Cancel, _)) => reporter.cancel.store(true, Ordering::Relaxed),
             Ok((order, descriptors)) => {
                 if matches!(order, ToWorker::Prepare { .. } | ToWorker::Run { .. }) {
-                    reporter.cancel.store(false, Ordering::Relaxed);
+                    reporter.begin();
                 }
                 if orders.send((order, descriptors)).is_err() {
                     end();
@@ -143,10 +174,12 @@ fn listen(
 impl Serving {
     fn obey(&mut self, order: ToWorker, descriptors: Vec<OwnedFd>) -> Result<(), Failure> {
         match order {
-            ToWorker::Open { path, door } => {
+            ToWorker::Open { path, door, memory } => {
+                limits::impose(memory);
                 let library = Library::open(&path, door)?;
                 let manifest = Box::new(library.manifest().clone());
                 self.library = Some(Arc::new(library));
+                self.usage = Some(Usage::now());
                 self.reporter.say(&FromWorker::Opened { manifest });
                 Ok(())
             }
@@ -164,6 +197,8 @@ impl Serving {
             }
             ToWorker::Drop => {
                 self.prepared = None;
+                let worn = self.tidy();
+                self.reporter.say(&FromWorker::Rested { worn });
                 Ok(())
             }
             ToWorker::Cancel => Ok(()),
@@ -173,12 +208,26 @@ impl Serving {
     fn context(&self, inputs: Vec<crate::store::Object>) -> Arc<JobContext> {
         let progress: Arc<dyn Progress> = Arc::clone(&self.reporter) as Arc<dyn Progress>;
         // What a worker makes is sent away, so that there is nothing to use again.
-        let memory = Arc::new(crate::store::SegmentPool::new(0));
-        JobContext::new(inputs, progress, Arc::clone(&self.pool), memory)
+        let resources = Resources {
+            threads: Arc::clone(&self.pool),
+            memory: Arc::new(crate::store::SegmentPool::new(0)),
+            budget: self.budget,
+        };
+        JobContext::new(inputs, progress, resources)
+    }
+
+    /// Ends what the call left behind. What it left that cannot be undone here.
+    fn tidy(&self) -> Option<String> {
+        if offspring::end_children() {
+            let text = "left a process behind, which was ended".into();
+            self.reporter.say(&FromWorker::Message { level: 2, text });
+        }
+        self.usage.and_then(|usage| usage.excess())
     }
 
     fn prepare(&mut self, request: &Request) -> Result<(), Failure> {
         self.prepared = None;
+        self.budget = request.memory.unwrap_or(u64::MAX);
         let library = self
             .library
             .as_ref()
@@ -208,15 +257,8 @@ impl Serving {
             .map(|one| sent.finished(one))
             .collect::<Result<Vec<_>, _>>()?;
         let (new, descriptors) = announce(sent.segments())?;
-        let message = FromWorker::Done { finished, new };
-        let socket = self
-            .reporter
-            .socket
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
-        if socket::send(&socket, &message, &descriptors).is_err() {
-            end();
-        }
+        self.reporter
+            .send(&FromWorker::Done { finished, new }, &descriptors);
         Ok(())
     }
 }

@@ -16,6 +16,8 @@ use std::os::unix::net::UnixStream;
 /// Longest text of a frame.
 const MAX_BYTES: u64 = 1 << 28;
 const BATCH: usize = 128;
+/// Bytes of a text that are taken at once.
+const PIECE: u64 = 1 << 20;
 /// Most descriptors of a frame.
 const MAX_DESCRIPTORS: usize = 65_536;
 
@@ -51,9 +53,15 @@ pub fn send<M: Serialize>(
 }
 
 /// Receives a message with its descriptors. An orderly end of the other side is `UnexpectedEof`.
-pub fn receive<M: DeserializeOwned>(mut socket: &UnixStream) -> io::Result<(M, Vec<OwnedFd>)> {
+///
+/// Where the socket has a read timeout, `patient` is asked at each whether to go on waiting for
+/// the rest of the message.
+pub fn receive<M: DeserializeOwned>(
+    socket: &UnixStream,
+    patient: &dyn Fn() -> bool,
+) -> io::Result<(M, Vec<OwnedFd>)> {
     let mut head = [0; 12];
-    socket.read_exact(&mut head)?;
+    read(socket, &mut head, patient)?;
     let [a, b, c, d, e, f, g, h, i, j, k, l] = head;
     let bytes = u64::from_le_bytes([a, b, c, d, e, f, g, h]);
     let count = u32::from_le_bytes([i, j, k, l]) as usize;
@@ -62,11 +70,41 @@ pub fn receive<M: DeserializeOwned>(mut socket: &UnixStream) -> io::Result<(M, V
     }
     let mut descriptors = Vec::with_capacity(count);
     while descriptors.len() < count {
-        receive_batch(socket, &mut descriptors)?;
+        match receive_batch(socket, &mut descriptors) {
+            Err(error) if waits(&error) && patient() => {}
+            other => other?,
+        }
     }
-    let mut text = vec![0; usize::try_from(bytes).unwrap_or(0)];
-    socket.read_exact(&mut text)?;
+    // The length is the other side's word: memory is taken as the text arrives.
+    let mut text = Vec::new();
+    while (text.len() as u64) < bytes {
+        let begin = text.len();
+        let piece = (bytes - begin as u64).min(PIECE);
+        text.resize(begin + usize::try_from(piece).unwrap_or(0), 0);
+        read(socket, &mut text[begin..], patient)?;
+    }
     Ok((serde_json::from_slice(&text)?, descriptors))
+}
+
+fn waits(error: &io::Error) -> bool {
+    use io::ErrorKind::{Interrupted, TimedOut, WouldBlock};
+    matches!(error.kind(), WouldBlock | TimedOut | Interrupted)
+}
+
+fn read(
+    mut socket: &UnixStream,
+    mut into: &mut [u8],
+    patient: &dyn Fn() -> bool,
+) -> io::Result<()> {
+    while !into.is_empty() {
+        match socket.read(into) {
+            Ok(0) => return Err(io::ErrorKind::UnexpectedEof.into()),
+            Ok(count) => into = into.get_mut(count..).unwrap_or_default(),
+            Err(error) if waits(&error) && patient() => {}
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(())
 }
 
 fn receive_batch(socket: &UnixStream, descriptors: &mut Vec<OwnedFd>) -> io::Result<()> {
@@ -111,12 +149,16 @@ mod tests {
         let borrowed: Vec<BorrowedFd<'_>> = files.iter().map(AsFd::as_fd).collect();
         send(&a, &"hello", &borrowed).unwrap();
         send(&a, &"again", &[]).unwrap();
-        let (text, received): (String, _) = receive(&b).unwrap();
+        let (text, received): (String, _) = receive(&b, &|| true).unwrap();
         assert_eq!((text.as_str(), received.len()), ("hello", 300));
-        let (text, received): (String, _) = receive(&b).unwrap();
+        let (text, received): (String, _) = receive(&b, &|| true).unwrap();
         assert_eq!((text.as_str(), received.len()), ("again", 0));
+        b.set_read_timeout(Some(std::time::Duration::from_millis(1)))
+            .unwrap();
+        let error = receive::<String>(&b, &|| false).unwrap_err();
+        assert!(waits(&error), "{error}");
         drop(a);
-        let error = receive::<String>(&b).unwrap_err();
+        let error = receive::<String>(&b, &|| true).unwrap_err();
         assert_eq!(error.kind(), io::ErrorKind::UnexpectedEof);
     }
 }
