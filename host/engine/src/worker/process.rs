@@ -24,6 +24,8 @@ pub const GRACE: Duration = Duration::from_millis(200);
 const GLANCE: Duration = Duration::from_millis(20);
 /// How long a frame may stand still that has begun.
 const FRAME: Duration = Duration::from_secs(10);
+/// Bytes of a worker's last words that are quoted.
+const QUOTED: usize = 200;
 /// What should take no time ends a worker that is silent for so long.
 const SILENCE: Duration = Duration::from_secs(60);
 /// Code with which a worker ends that can no longer speak to its host.
@@ -288,7 +290,8 @@ impl Worker {
         std::thread::sleep(Duration::from_millis(5));
         let text = self.output.text();
         let last = text.lines().rev().find(|line| !line.trim().is_empty());
-        let said = last.map(|line| format!(", saying \"{}\"", line.trim()));
+        let quote = |line: &str| line[..line.floor_char_boundary(QUOTED)].trim().to_owned();
+        let said = last.map(|line| format!(", saying \"{}\"", quote(line.trim())));
         let how = how_it_ended(status, &text, self.memory);
         let message = format!(
             "the plugin {} {how} while {what}{}",
@@ -321,7 +324,7 @@ fn how_it_ended(status: Option<ExitStatus>, output: &str, memory: u64) -> String
         (Some(9), _) => "was killed from outside, perhaps because the machine lacked memory".into(),
         (Some(signal), _) => format!("crashed ({})", signal_name(signal)),
         (None, Some(LOST)) => "lost its connection to the session".into(),
-        (None, Some(code)) => format!("ended its process with code {code}"),
+        (None, Some(code)) => format!("ended its process with exit status {code}"),
         _ => "ended its process".into(),
     }
 }
