@@ -69,15 +69,7 @@ impl Prepared {
             .filter(|segment| !worker.known.contains_key(&segment.id()))
             .cloned()
             .collect();
-        let forget: Vec<u64> = worker
-            .known
-            .iter()
-            .filter(|(_, segment)| segment.strong_count() == 0)
-            .map(|(number, _)| *number)
-            .collect();
-        forget
-            .iter()
-            .for_each(|number| drop(worker.known.remove(number)));
+        let forget = worker.dropped();
         worker
             .known
             .extend(fresh.iter().map(|one| (one.id(), Arc::downgrade(one))));

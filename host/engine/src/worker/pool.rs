@@ -147,14 +147,18 @@ impl Pool {
         }
     }
 
-    /// Ends workers that rested too long or do not come to rest. Whether there are any left.
+    /// Ends workers that rested too long or do not come to rest, and takes back memory that they hold.
+    /// Whether there are any left.
     fn look_after(&self) -> bool {
         // Looked at outside the lock: a worker may be slow to answer, and callers should not wait.
         let resting = std::mem::take(&mut self.idle().by_library);
         let mut unfit = Vec::new();
         for (path, mut workers) in resting {
             let gone = workers.extract_if(.., |one| match one.settle(Duration::ZERO) {
-                Settled::Fit => one.since.elapsed() > IDLE,
+                Settled::Fit => {
+                    one.worker.forget_dropped();
+                    one.since.elapsed() > IDLE
+                }
                 Settled::Busy => false,
                 Settled::Unfit(why) => {
                     let notes = &mut self.idle().notes;

@@ -147,6 +147,23 @@ impl Worker {
         }
     }
 
+    /// Segments that the worker has mapped and that nobody here uses any more.
+    pub(super) fn dropped(&mut self) -> Vec<u64> {
+        let gone = self
+            .known
+            .extract_if(|_, segment| segment.strong_count() == 0);
+        gone.map(|(number, _)| number).collect()
+    }
+
+    /// Makes the worker let go of memory that nobody here uses any more.
+    pub(super) fn forget_dropped(&mut self) {
+        let segments = self.dropped();
+        if !segments.is_empty() {
+            // A worker that is gone shows when it is next called.
+            let _ = socket::send(&self.socket, &ToWorker::Forget { segments }, &[]);
+        }
+    }
+
     /// Waits for the answer of a preparation, which should take no time.
     ///
     /// # Errors

@@ -28,6 +28,8 @@ pub enum ToWorker {
         new: Vec<(u64, u64)>,
         forget: Vec<u64>,
     },
+    /// Let go of segments that the host has dropped.
+    Forget { segments: Vec<u64> },
     /// Forget the prepared call, if there is one, and tidy up.
     Drop,
     /// Stop what runs.

@@ -189,11 +189,13 @@ impl Serving {
                 new,
                 forget,
             } => {
-                for number in forget {
-                    self.segments.remove(&number);
-                }
+                self.forget(&forget);
                 accept(&new, descriptors, &mut self.segments)?;
                 self.run(inputs)
+            }
+            ToWorker::Forget { segments } => {
+                self.forget(&segments);
+                Ok(())
             }
             ToWorker::Drop => {
                 self.prepared = None;
@@ -214,6 +216,12 @@ impl Serving {
             budget: self.budget,
         };
         JobContext::new(inputs, progress, resources)
+    }
+
+    fn forget(&mut self, segments: &[u64]) {
+        for number in segments {
+            self.segments.remove(number);
+        }
     }
 
     /// Ends what the call left behind. What it left that cannot be undone here.
