@@ -80,6 +80,36 @@ fn all_kinds_cross_the_process_with_the_same_bits() {
 }
 
 #[test]
+fn a_figure_brings_the_tables_that_its_series_name() {
+    for engine in both() {
+        let called = call(&engine, "test.all-kinds/1", json!({}), &[]).unwrap();
+        let (_, figure) = &called.outputs[3];
+        let parts = &figure.header().parts;
+        assert_eq!((parts.len(), parts[0].name.as_str()), (1, "table"));
+        assert_eq!(figure.bytes(), called.outputs[0].1.bytes());
+        for (column, sum) in [("f32", 6), ("i16", 2), ("row", 6)] {
+            let parameters = json!({"column": column});
+            let summed = call(
+                &engine,
+                "test.sum-series/1",
+                parameters,
+                &[("figure", figure)],
+            );
+            let summed = only(summed.unwrap());
+            let document = summed.header().document.as_ref().unwrap();
+            assert_eq!(document["values"][0]["value"], json!(sum), "{column}");
+        }
+        let missing = call(
+            &engine,
+            "test.sum-series/1",
+            json!({"column": "nothing"}),
+            &[("figure", figure)],
+        );
+        assert_eq!(missing.unwrap_err().code, FailureCode::BadInput);
+    }
+}
+
+#[test]
 fn what_is_not_finished_is_dropped() {
     for engine in both() {
         let called = call(&engine, "test.all-kinds/1", json!({"forget": true}), &[]).unwrap();

@@ -23,7 +23,11 @@ pub struct Described {
 impl Described {
     /// Summarises the columns of an object, on the threads of the current pool.
     pub fn of(name: &str, object: &Object) -> Result<Described, Failure> {
-        let header = object.header().clone();
+        let mut header = object.header().clone();
+        if header.kind == Kind::Figure {
+            // The tables that its series name are outputs of their own.
+            header.parts.clear();
+        }
         let mut summaries = Vec::with_capacity(header.parts.len());
         for part in 0..header.parts.len() {
             let columns = object.columns(part).iter();

@@ -1,9 +1,9 @@
 //! Objects as tests make and read them.
 
 use crate::memory::Memory;
-use puncta_sdk::documents::{ColumnInfo, Element};
+use puncta_sdk::documents::{self, ColumnInfo, Element};
 use puncta_sdk::serde_json::Value;
-use puncta_sdk::{Failure, Header};
+use puncta_sdk::{Failure, Figure, Header, Kind};
 
 /// An object: a header and the memory of its columns.
 #[derive(Clone, Debug)]
@@ -119,6 +119,24 @@ impl Object {
             memory,
             usize::try_from(group.rows).unwrap_or(0),
         ))
+    }
+
+    /// A figure with the tables that its series name, by output port.
+    #[must_use]
+    pub fn figure(figure: &Figure, tables: Vec<(&str, Object)>) -> Object {
+        let mut header = Header::new(Kind::Figure, figure.output.clone());
+        let text = documents::write(figure, documents::findings::FIGURE);
+        header.document = puncta_sdk::serde_json::from_str(&text).ok();
+        let mut memory = Vec::new();
+        for (port, mut table) in tables {
+            if !table.header.parts.is_empty() {
+                let mut part = table.header.parts.swap_remove(0);
+                part.name = port.into();
+                header.parts.push(part);
+                memory.push(table.memory.swap_remove(0));
+            }
+        }
+        Object { header, memory }
     }
 
     /// An image of f32 values, x fastest.

@@ -9,7 +9,8 @@ use crate::plugins::{Finished, JobContext};
 use crate::store::{Object, Selection, Stored};
 use crate::worker;
 use puncta_documents::{
-    Failure, FailureCode, FileRef, InputRef, Map, Operation, OutputForm, Plan, Request, schema,
+    Failure, FailureCode, FileRef, InputRef, Kind, Map, Operation, OutputForm, Plan, Request,
+    schema,
 };
 use std::sync::Arc;
 
@@ -233,8 +234,26 @@ impl PreparedCall {
             };
             assembled.map_err(|failure| failure.context(id))
         });
-        assembled.collect()
+        Ok(with_tables(assembled.collect::<Result<_, Failure>>()?))
     }
+}
+
+/// Gives figures the tables of the same call that their series name.
+fn with_tables(outputs: Vec<(String, Object)>) -> Vec<(String, Object)> {
+    let table = |port: &str| {
+        let mut named = outputs.iter().filter(|(name, _)| name == port);
+        named.find_map(|(_, one)| (one.header().kind == Kind::Table).then_some(one))
+    };
+    let figures = outputs.iter().map(|(name, object)| {
+        let figure = object.header().kind == Kind::Figure;
+        let object = if figure {
+            object.with_tables(table)
+        } else {
+            object.clone()
+        };
+        (name.clone(), object)
+    });
+    figures.collect()
 }
 
 /// Gathers the columns that a plan reads, with all threads.

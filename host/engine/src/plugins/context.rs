@@ -17,6 +17,8 @@ struct State {
     refusal: Option<Failure>,
     /// Bytes that the outputs have so far.
     bytes: u64,
+    /// Columns that were given to the plugin: row numbers have no other owner.
+    given: Vec<ColumnData>,
 }
 
 /// A running call.
@@ -95,9 +97,13 @@ impl JobContext {
             .iter()
             .find(|read| read.input == input && read.part == part);
         let names = read.map_or(&[][..], |read| &read.columns);
-        self.resources
+        let columns = || names.iter().map(|name| object.column(part, name)).collect();
+        let columns: Vec<ColumnData> = self
+            .resources
             .threads
-            .install(|| names.iter().map(|name| object.column(part, name)).collect())
+            .install::<_, Result<_, Failure>>(columns)?;
+        self.state().given.extend_from_slice(&columns);
+        Ok(columns)
     }
 
     /// Remembers why the call is about to fail.

@@ -190,6 +190,36 @@ impl Object {
         }
     }
 
+    /// This figure with the tables that its series name as parts, each named by its output port.
+    /// `table` finds the table of a port; no column is copied.
+    #[must_use]
+    pub fn with_tables<'a>(&self, table: impl Fn(&str) -> Option<&'a Object>) -> Object {
+        let (mut header, mut parts) = ((*self.header).clone(), self.parts.clone());
+        let series = header.document.as_ref().and_then(|d| d.get("series"));
+        let series = series.and_then(serde_json::Value::as_array).cloned();
+        let ports = series.iter().flatten().filter_map(|one| one.get("table"));
+        for port in ports.filter_map(serde_json::Value::as_str) {
+            if header.parts.iter().any(|part| part.name == port) {
+                continue;
+            }
+            let Some(object) = table(port).filter(|one| one.header.kind == Kind::Table) else {
+                continue;
+            };
+            if let (Some(group), Some(columns)) =
+                (object.header.parts.first(), object.parts.first())
+            {
+                let mut group = group.clone();
+                port.clone_into(&mut group.name);
+                header.parts.push(group);
+                parts.push(columns.clone());
+            }
+        }
+        Object {
+            header: Arc::new(header),
+            parts,
+        }
+    }
+
     /// What it is.
     #[must_use]
     pub fn header(&self) -> &Header {
@@ -226,7 +256,7 @@ impl Object {
         let group = self.header.parts.get(part).ok_or_else(missing)?;
         match group.columns.iter().position(|column| column.name == name) {
             Some(place) => self.parts[part][place].column().cloned(),
-            None if name == "row" && self.header.kind == Kind::Table => {
+            None if name == "row" && matches!(self.header.kind, Kind::Table | Kind::Figure) => {
                 gather::row_numbers(group.rows)
             }
             None => Err(missing()),

@@ -1,5 +1,6 @@
 //! One call that gives all five kinds of object and all types of column.
 
+use puncta_sdk::documents::call::Read;
 use puncta_sdk::prelude::*;
 use puncta_sdk::{ColumnMut, Figure, Series, serde_json::json};
 
@@ -31,7 +32,9 @@ impl Operation for AllKinds {
         image(job, self.forget)?;
         mesh(job)?;
         let series = Series::numbers("curve", "line", &[0.0, 1.0], &[2.0, 3.0]);
-        job.figure(&Figure::new("figure", "A curve", ["r", "nm"], ["K", "nm^2"]).with(series))?;
+        let figure = Figure::new("figure", "A curve", ["r", "nm"], ["K", "nm^2"]).with(series);
+        let columns = Series::columns("columns", "points", "table", "i16", "f32");
+        job.figure(&figure.with(columns))?;
         let mut report = Report::new("report");
         report.number("answer", f64::INFINITY, "nm").interval = Some([json!(1), json!(2)]);
         job.report(&report)
@@ -131,4 +134,45 @@ fn mesh(job: &Job) -> Result<(), Failure> {
     out.finish_rows(&[3, 1])
 }
 
+/// Sums up a column that a series of a figure names.
+#[derive(Params)]
+struct SumSeries {
+    /// Column.
+    column: String,
+}
+
+impl Operation for SumSeries {
+    const ID: &'static str = "test.sum-series/1";
+
+    fn info() -> Info {
+        Info::operation("Sum of a series")
+            .input(Ports::figure("figure"))
+            .output(Ports::report("report"))
+            .example(json!({"column": "f32"}))
+            .example_input("figure", AllKinds::ID, json!({}))
+    }
+
+    fn prepare(&self, _: &Request) -> Result<Plan, Failure> {
+        let columns = vec![self.column.clone()];
+        let (input, part) = (0, 0);
+        let read = vec![Read {
+            input,
+            part,
+            columns,
+        }];
+        Ok(Plan {
+            read,
+            ..Plan::default()
+        })
+    }
+
+    fn run(&self, job: &Job) -> Result<(), Failure> {
+        let values = job.input("figure")?.f64(&self.column)?;
+        let mut report = Report::new("report");
+        report.number("sum", values.iter().sum(), "1");
+        job.report(&report)
+    }
+}
+
 puncta_sdk::register!(AllKinds);
+puncta_sdk::register!(SumSeries);
