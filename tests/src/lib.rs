@@ -1,6 +1,9 @@
 //! What the whole-product tests share: where the build's products lie, and bundles of plugins.
 #![allow(clippy::expect_used, clippy::unwrap_used, clippy::missing_panics_doc)]
 
+pub mod faults;
+pub mod left;
+
 use puncta_engine::engine::Options;
 use puncta_engine::plugins::catalogue::{self, Folder};
 use puncta_engine::worker::{Pool, Start};
