@@ -94,7 +94,7 @@ impl Describer {
     fn new() -> Describer {
         Describer {
             folder: tempfile::tempdir().unwrap(),
-            workers: Arc::new(Pool::new(program(), 1)),
+            workers: Arc::new(Pool::new(Start::new(program()))),
         }
     }
 
