@@ -1,5 +1,14 @@
 //! Fourier ring and shell correlation, and decorrelation.
 
+pub mod crossing;
+pub mod curve;
+pub mod grid;
+mod operations;
+pub mod points;
+pub mod smooth;
+pub mod split;
+pub mod window;
+
 puncta_sdk::plugin! {
     id: "puncta.frc",
     title: "Resolution",

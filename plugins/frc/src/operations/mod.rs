@@ -1,0 +1,5 @@
+//! The operations.
+
+mod halves;
+mod result;
+mod table;
