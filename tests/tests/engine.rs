@@ -295,7 +295,7 @@ fn faults_cost_their_own_call() {
             ("unordered", "do not increase"),
         ];
         if isolated {
-            faults.extend([("abort", "abort"), ("exit", "code 3")]);
+            faults.extend([("abort", "abort"), ("exit", "exit status 3")]);
         }
         for (fault, expected) in faults {
             for early in [false, true] {

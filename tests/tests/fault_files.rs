@@ -4,7 +4,7 @@
 
 use puncta_engine::documents::{Failure, Map};
 use puncta_engine::plugins::catalogue;
-use puncta_engine::worker::Pool;
+use puncta_engine::worker::{Pool, Start};
 use puncta_tests::faults::{Bench, DEADLY, LEAVING, all, has, pairs, turn};
 use puncta_tests::{fingerprint, left, library, program, unwatched};
 use serde_json::json;
