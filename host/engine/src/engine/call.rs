@@ -83,7 +83,9 @@ impl Engine {
             memory: Some(self.options.memory),
             rest: Map::new(),
         };
-        let backend = self.backend(plugin, &request, progress)?;
+        let backend = self
+            .backend(plugin, &request, progress)
+            .map_err(|failure| blame(failure, plugin, &operation.id))?;
         let call = PreparedCall {
             backend,
             plugin: Arc::clone(plugin),
@@ -212,19 +214,9 @@ impl PreparedCall {
         if progress.cancelled() {
             return Err(Failure::cancelled());
         }
-        let finished = match &mut self.backend {
-            Backend::InProcess(prepared) => {
-                let (inputs, resources) = (self.inputs.clone(), self.resources.clone());
-                let context = JobContext::new(inputs, Arc::clone(progress), resources);
-                prepared.run(&context)?;
-                context.take_finished()
-            }
-            Backend::Worker(prepared) => {
-                // Gathering selections uses the pool.
-                gather(&self.resources.threads, &self.inputs, prepared.plan())?;
-                prepared.run(&self.inputs, &**progress)?
-            }
-        };
+        let finished = self
+            .finished(progress)
+            .map_err(|failure| blame(failure, &self.plugin, &self.operation))?;
         let (inputs, id) = (&self.inputs, &self.operation);
         let assembled = finished.into_iter().map(|one| {
             // Only selections have work for the pool, and waking it takes longer than the rest.
@@ -232,9 +224,42 @@ impl PreparedCall {
                 OutputForm::Selection => self.resources.threads.install(|| assemble(one, inputs)),
                 _ => assemble(one, inputs),
             };
-            assembled.map_err(|failure| failure.context(id))
+            assembled.map_err(|failure| blame(failure, &self.plugin, id))
         });
         Ok(with_tables(assembled.collect::<Result<_, Failure>>()?))
+    }
+
+    fn finished(&mut self, progress: &Arc<dyn Progress>) -> Result<Vec<Finished>, Failure> {
+        match &mut self.backend {
+            Backend::InProcess(prepared) => {
+                let (inputs, resources) = (self.inputs.clone(), self.resources.clone());
+                let context = JobContext::new(inputs, Arc::clone(progress), resources);
+                prepared.run(&context)?;
+                Ok(context.take_finished())
+            }
+            Backend::Worker(prepared) => {
+                // Gathering selections uses the pool.
+                gather(&self.resources.threads, &self.inputs, prepared.plan())?;
+                prepared.run(&self.inputs, &**progress)
+            }
+        }
+    }
+}
+
+/// Names plugin and operation in the sentence of a failure that is not the person's.
+fn blame(failure: Failure, plugin: &Installed, operation: &str) -> Failure {
+    let id = &plugin.packed.manifest.id;
+    let says = |name: &str| failure.message.contains(name);
+    let theirs = matches!(
+        failure.code,
+        FailureCode::Crashed | FailureCode::Internal | FailureCode::Resources
+    );
+    match (says(operation), says(id)) {
+        _ if !theirs => failure,
+        (true, true) => failure,
+        (false, true) => failure.context(operation),
+        (true, false) => failure.context(format!("the plugin {id}")),
+        (false, false) => failure.context(format!("{operation} of the plugin {id}")),
     }
 }
 
