@@ -103,7 +103,7 @@ pub struct Probe {
 }
 
 /// What a call will do. Format `puncta.plan/1`.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Plan {
     /// Columns that `run` reads.
     #[serde(default)]
@@ -130,4 +130,19 @@ pub struct Plan {
 
 fn yes() -> bool {
     true
+}
+
+/// An empty plan, of a call that can be interrupted as one that does not say otherwise.
+impl Default for Plan {
+    fn default() -> Plan {
+        Plan {
+            read: Vec::new(),
+            outputs: Vec::new(),
+            memory: 0,
+            interruptible: yes(),
+            probe: None,
+            notes: Vec::new(),
+            rest: Map::new(),
+        }
+    }
 }

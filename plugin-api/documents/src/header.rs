@@ -212,6 +212,10 @@ pub struct Header {
 
 /// Format of [`Header`].
 pub const HEADER: &str = "puncta.header/1";
+/// Most parts of an object.
+pub const MAX_PARTS: usize = 4096;
+/// Most columns of an object, all parts together.
+pub const MAX_COLUMNS: usize = 16_384;
 
 impl Header {
     /// A header without columns.
@@ -268,6 +272,36 @@ impl Header {
         header
     }
 
+    /// Checks the number of parts and columns, and that no part has two columns of a name.
+    ///
+    /// # Errors
+    /// A part of a sentence that says what is wrong.
+    pub fn check(&self) -> Result<(), String> {
+        if self.parts.len() > MAX_PARTS {
+            let count = self.parts.len();
+            return Err(format!(
+                "{count} parts are more than the {MAX_PARTS} that an object may have"
+            ));
+        }
+        let count: usize = self.parts.iter().map(|part| part.columns.len()).sum();
+        if count > MAX_COLUMNS {
+            return Err(format!(
+                "{count} columns are more than the {MAX_COLUMNS} that an object may have"
+            ));
+        }
+        for part in &self.parts {
+            let mut names = std::collections::HashSet::new();
+            let again = part
+                .columns
+                .iter()
+                .find(|one| !names.insert(one.name.as_str()));
+            if let Some(column) = again {
+                return Err(format!("two columns are named {}", column.name));
+            }
+        }
+        Ok(())
+    }
+
     /// Rows of the first part.
     #[must_use]
     pub fn rows(&self) -> u64 {
@@ -284,6 +318,25 @@ impl Header {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_number_of_columns_has_a_limit() {
+        let column = |i: usize| ColumnInfo::new(format!("c{i}"), Element::F32, "1");
+        let table = |count: usize| Header::table("t", 1, (0..count).map(column).collect());
+        assert!(table(MAX_COLUMNS).check().is_ok());
+        let why = table(MAX_COLUMNS + 1).check().unwrap_err();
+        assert!(why.contains("16385 columns"), "{why}");
+        let mut header = table(2);
+        header.parts[0].columns[1].name = "c0".into();
+        assert!(
+            header
+                .check()
+                .unwrap_err()
+                .contains("two columns are named c0")
+        );
+        header.parts = vec![header.parts[0].clone(); MAX_PARTS + 1];
+        assert!(header.check().unwrap_err().contains("4097 parts"));
+    }
 
     #[test]
     fn unknown_members_are_kept() {

@@ -27,13 +27,27 @@ pub use units::Unit;
 /// A JSON object.
 pub type Map = serde_json::Map<String, serde_json::Value>;
 
+/// Longest text of a document in bytes. Data are in columns; what describes them is small.
+pub const MAX_TEXT: usize = 16 << 20;
+
+/// Reads any JSON, of at most [`MAX_TEXT`] bytes, nested at most 127 deep.
+///
+/// # Errors
+/// A sentence that says what is wrong with the text, for a developer.
+pub fn json(text: &str) -> Result<serde_json::Value, String> {
+    if text.len() > MAX_TEXT {
+        let mega = MAX_TEXT >> 20;
+        return Err(format!("no document, since it is larger than {mega} MB"));
+    }
+    serde_json::from_str(text).map_err(|error| format!("no valid JSON: {error}"))
+}
+
 /// Reads a document, checking its `format`.
 ///
 /// # Errors
 /// A sentence that says what is wrong with the text, for a developer.
 pub fn parse<T: serde::de::DeserializeOwned>(text: &str, format: &str) -> Result<T, String> {
-    let value: serde_json::Value =
-        serde_json::from_str(text).map_err(|error| format!("no valid JSON: {error}"))?;
+    let value = json(text)?;
     match value.get("format").and_then(|found| found.as_str()) {
         Some(found) if found == format => {}
         Some(found) => return Err(format!("a {found} document where {format} was expected")),
@@ -58,4 +72,20 @@ pub fn write<T: serde::Serialize>(document: &T, format: &str) -> String {
         }
     }
     serde_json::Value::Object(map).to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn large_and_deep_texts_are_refused() {
+        let why = json(&" ".repeat(MAX_TEXT + 1)).unwrap_err();
+        assert!(why.contains("larger than 16 MB"), "{why}");
+        let nested = |depth: usize| "[".repeat(depth) + &"]".repeat(depth);
+        assert!(json(&nested(127)).is_ok());
+        let why = json(&nested(128)).unwrap_err();
+        assert!(why.contains("recursion limit"), "{why}");
+        assert!(json(&nested(1 << 20)).is_err());
+    }
 }

@@ -43,6 +43,12 @@ pub struct Resources {
 
 /// Number of the first output; smaller numbers are inputs.
 pub const FIRST_OUTPUT: u64 = 1 << 32;
+/// Most outputs of a call, figures and reports among them.
+const MAX_OUTPUTS: usize = 4096;
+
+fn too_many() -> Failure {
+    Failure::internal(format!("the plugin gives more than {MAX_OUTPUTS} outputs"))
+}
 
 impl JobContext {
     /// The context of a call with these inputs.
@@ -138,6 +144,9 @@ impl JobContext {
         first_offsets(&segment, &layout);
         let committed = vec![0; output.header.parts.len()];
         let mut state = self.state();
+        if state.open.len() >= MAX_OUTPUTS {
+            return Err(too_many());
+        }
         state.open.push(Some(OpenOutput {
             output,
             segment,
@@ -154,15 +163,8 @@ impl JobContext {
                 output.output
             )))
         };
-        for part in &output.header.parts {
-            for (i, column) in part.columns.iter().enumerate() {
-                if part.columns[..i]
-                    .iter()
-                    .any(|earlier| earlier.name == column.name)
-                {
-                    return refuse(format!("two columns are named {}", column.name));
-                }
-            }
+        if let Err(why) = output.header.check() {
+            return refuse(why);
         }
         if let Some(image) = &output.header.image
             && image.voxels() != Some(output.header.rows())
@@ -360,7 +362,11 @@ impl JobContext {
         let output = text("output").unwrap_or_default().to_owned();
         let object = Object::document(kind, &output, document);
         let form = OutputForm::Object;
-        self.state().finished.push(Finished {
+        let mut state = self.state();
+        if state.finished.len() >= MAX_OUTPUTS {
+            return Err(too_many());
+        }
+        state.finished.push(Finished {
             output,
             form,
             of: None,

@@ -247,8 +247,8 @@ unsafe extern "C" fn emit(number: u64, document: Str) -> u32 {
     answer(number, |context| {
         // SAFETY: the plugin's text outlives the call.
         let text = unsafe { text(document) }?;
-        let document = serde_json::from_str(text)
-            .map_err(|why| Failure::internal(format!("the plugin gave no valid JSON: {why}")))?;
+        let document = puncta_documents::json(text)
+            .map_err(|why| Failure::internal(format!("the plugin gave {why}")))?;
         context.emit(document)
     })
 }
