@@ -120,4 +120,27 @@ impl Operation for Wait {
     }
 }
 
-puncta_sdk::register!(Misbehave, Wait);
+/// Is quick, and says that nobody can stop it.
+#[derive(Params)]
+struct Stubborn;
+
+impl Operation for Stubborn {
+    const ID: &'static str = "test.stubborn/1";
+
+    fn info() -> Info {
+        Info::operation("Stubborn").example(puncta_sdk::serde_json::json!({}))
+    }
+
+    fn prepare(&self, _request: &Request) -> Result<Plan, Failure> {
+        Ok(Plan {
+            interruptible: false,
+            ..Plan::default()
+        })
+    }
+
+    fn run(&self, _job: &Job) -> Result<(), Failure> {
+        Ok(())
+    }
+}
+
+puncta_sdk::register!(Misbehave, Wait, Stubborn);
