@@ -8,7 +8,9 @@ use puncta_engine::engine::Options;
 use puncta_engine::plugins::catalogue::{self, Folder};
 use puncta_engine::worker::{Pool, Start};
 use puncta_engine::{Engine, Isolation, Progress, Unwatched};
+use serde_json::json;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::sync::Arc;
 
 /// Folder of the build's products, such as `target/debug`.
@@ -66,7 +68,8 @@ pub fn shared_data() -> Option<PathBuf> {
     folder.is_dir().then_some(folder)
 }
 
-/// A folder of plugins, packed from libraries of the build.
+/// A bundle as `cargo xtask build` lays it: the program, and plugins packed from libraries of the
+/// build, which the bundle lists. It has a configuration folder of its own, empty at first.
 pub struct Bundle {
     folder: tempfile::TempDir,
 }
@@ -80,6 +83,7 @@ impl Bundle {
         std::fs::create_dir_all(&place).expect("a folder");
         let folder = tempfile::tempdir_in(place).expect("a temporary folder");
         let workers = Arc::new(Pool::new(Start::new(program())));
+        let mut listed = serde_json::Map::new();
         for package in packages {
             let library = library(package);
             let place = folder.path().join("plugins").join(package);
@@ -88,9 +92,46 @@ impl Bundle {
             if std::fs::hard_link(&library, &copy).is_err() {
                 std::fs::copy(&library, &copy).expect("a copy");
             }
-            catalogue::pack(&copy, &workers).expect("the plugin describes itself");
+            let (_, packed) =
+                catalogue::pack(&copy, &workers).expect("the plugin describes itself");
+            let size = copy.metadata().expect("the library").len();
+            let file = format!("{package}/{}", packed.library);
+            listed.insert(packed.hash, json!({ "file": file, "size": size }));
         }
-        Bundle { folder }
+        let plugins = folder.path().join("plugins");
+        std::fs::create_dir_all(&plugins).expect("a folder");
+        let list = json!({ "format": "puncta.bundle/1", "libraries": listed });
+        std::fs::write(plugins.join("bundle.json"), list.to_string()).expect("a file");
+        let bundle = Bundle { folder };
+        if std::fs::hard_link(program(), bundle.program()).is_err() {
+            std::fs::copy(program(), bundle.program()).expect("a copy");
+        }
+        bundle
+    }
+
+    /// The program in the bundle, which trusts the bundle's plugins.
+    #[must_use]
+    pub fn program(&self) -> PathBuf {
+        let name = format!("puncta{}", std::env::consts::EXE_SUFFIX);
+        self.path().join(name)
+    }
+
+    /// The bundle's configuration folder.
+    #[must_use]
+    pub fn config(&self) -> PathBuf {
+        self.path().join("config")
+    }
+
+    /// The program in the bundle, with the bundle's configuration folder and no other plugins.
+    #[must_use]
+    pub fn command(&self) -> Command {
+        let mut command = Command::new(self.program());
+        command
+            .env("PUNCTA_CONFIG", self.config())
+            .env("PUNCTA_CACHE", build_folder().join("puncta-test-cache"))
+            .env_remove("PUNCTA_STATE")
+            .env_remove("PUNCTA_PLUGIN_PATH");
+        command
     }
 
     /// Where it lies.
@@ -108,6 +149,8 @@ impl Bundle {
                 bundled: true,
             }],
             cache: build_folder().join("puncta-test-cache"),
+            config: Some(self.config()),
+            state: Some(self.config().join("state")),
             program: program(),
             threads: 2,
             isolation: Isolation::ByPlugin,

@@ -1,7 +1,7 @@
 //! The command line as a person meets it: what works, and one sentence for each thing that cannot.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-use puncta_tests::{Bundle, build_folder, program};
+use puncta_tests::{Bundle, build_folder};
 use serde_json::Value;
 use std::path::Path;
 use std::process::{Command, Output};
@@ -23,21 +23,18 @@ fn bundle() -> &'static Bundle {
 }
 
 fn bare(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(program())
-        .args(arguments)
-        .current_dir(folder)
-        .env("PUNCTA_CACHE", build_folder().join("puncta-test-cache"))
-        .env("XDG_CONFIG_HOME", folder)
-        .env_remove("PUNCTA_PLUGIN_PATH")
-        .output()
-        .expect("puncta runs")
+    static EMPTY: OnceLock<Bundle> = OnceLock::new();
+    run(EMPTY.get_or_init(|| Bundle::of(&[])), folder, arguments)
 }
 
 fn puncta(folder: &Path, arguments: &[&str]) -> Output {
-    let plugins = bundle().path().join("plugins");
-    let mut all = vec!["--plugins", plugins.to_str().unwrap()];
-    all.extend(arguments);
-    bare(folder, &all)
+    run(bundle(), folder, arguments)
+}
+
+fn run(bundle: &Bundle, folder: &Path, arguments: &[&str]) -> Output {
+    let mut command = bundle.command();
+    command.args(arguments).current_dir(folder);
+    command.output().expect("puncta runs")
 }
 
 fn good(folder: &Path, arguments: &[&str]) -> String {
@@ -314,18 +311,17 @@ fn a_full_disk_leaves_nothing_behind() {
     let place = folder.path();
     let disk = place.join("disk");
     std::fs::create_dir(&disk).unwrap();
-    let plugins = bundle().path().join("plugins");
     let script = format!(
         "mount -t tmpfs -o size=64k none {disk} || exit 77\n\
-         {program} --plugins {plugins} op test.points/1 --rows 100000 -o {disk}/big.csv\n\
+         {program} op test.points/1 --rows 100000 -o {disk}/big.csv\n\
          code=$?; ls -A {disk}; exit $code\n",
         disk = disk.display(),
-        program = program().display(),
-        plugins = plugins.display(),
+        program = bundle().program().display(),
     );
     let output = Command::new("unshare")
         .args(["--user", "--map-root-user", "--mount", "sh", "-c", &script])
         .env("PUNCTA_CACHE", build_folder().join("puncta-test-cache"))
+        .env("PUNCTA_CONFIG", bundle().config())
         .output();
     let Ok(output) = output else { return };
     let (text, left) = (

@@ -1,8 +1,11 @@
 //! `build`: compiles the workspace and lays the bundle, a folder that can be moved anywhere.
 
+use std::fs;
+use std::path::Path;
 use std::process::Command;
 
-use anyhow::Result;
+use anyhow::{Context, Result};
+use serde_json::{Map, Value, json};
 
 use crate::args;
 use crate::files::{self, Staged};
@@ -32,6 +35,29 @@ pub fn compile(workspace: &Workspace, profile: Profile) -> Result<()> {
     crate::process::run(&mut cargo)
 }
 
+/// Writes the list of the bundle's libraries by hash: the program trusts those, and no others.
+fn list(workspace: &Workspace, plugins: &Path) -> Result<()> {
+    let mut libraries = Map::new();
+    for plugin in &workspace.plugins {
+        let place = plugins.join(&plugin.id);
+        let path = place.join("plugin.json");
+        let text =
+            fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
+        let packed: Value = serde_json::from_str(&text)
+            .with_context(|| format!("cannot understand {}", path.display()))?;
+        let hash = packed["hash"]
+            .as_str()
+            .with_context(|| format!("no hash in {}", path.display()))?;
+        let size = fs::metadata(place.join(&plugin.library))?.len();
+        let file = format!("{}/{}", plugin.id, plugin.library);
+        libraries.insert(hash.to_owned(), json!({ "file": file, "size": size }));
+    }
+    let list = json!({ "format": "puncta.bundle/1", "libraries": libraries });
+    let path = plugins.join("bundle.json");
+    fs::write(&path, format!("{list:#}\n"))
+        .with_context(|| format!("cannot write {}", path.display()))
+}
+
 /// Lays the bundle from what was compiled; the previous one stays until the new one is whole.
 pub fn bundle(workspace: &Workspace, profile: Profile) -> Result<()> {
     let staged = Staged::new(&workspace.bundle())?;
@@ -55,6 +81,7 @@ pub fn bundle(workspace: &Workspace, profile: Profile) -> Result<()> {
                 .arg(&library),
         )?;
     }
+    list(workspace, &staged.path().join("plugins"))?;
     sdk::lay(workspace, &staged.path().join("sdk"))?;
     staged.finish()
 }

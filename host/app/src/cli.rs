@@ -33,7 +33,7 @@ pub struct Global {
     /// Run every plugin in a process of its own
     #[arg(long, global = true, conflicts_with = "in_process")]
     pub isolated: bool,
-    /// Run plugins in this process where they allow it
+    /// Run every plugin in this process; one that insists on a process of its own is refused
     #[arg(long, global = true)]
     pub in_process: bool,
     /// Write the result, or the error, as JSON to the standard output
@@ -56,7 +56,7 @@ pub enum Command {
     Op(Op),
     /// Run a recipe
     Run(Run),
-    /// List or pack plugins
+    /// List plugins, trust them, switch them on and off, choose where they run, pack them
     #[command(subcommand)]
     Plugins(Plugins),
     /// Serve calls over a socket on standard input
@@ -145,12 +145,43 @@ pub struct Run {
 
 #[derive(Debug, Subcommand)]
 pub enum Plugins {
-    /// List the installed plugins, and what was refused with the reason
+    /// List the installed plugins, what waits for consent, and what was refused with the reason
     List,
+    /// Consent to a library that does not belong to this program, as it is now
+    Trust {
+        /// The library, or the id of a plugin that waits for consent
+        #[arg(value_name = "PATH|ID")]
+        what: String,
+    },
+    /// Use a plugin again
+    Enable {
+        /// Id of the plugin
+        id: String,
+    },
+    /// Do not use a plugin
+    Disable {
+        /// Id of the plugin
+        id: String,
+    },
+    /// Choose where the calls of a plugin run
+    Mode {
+        /// Id of the plugin
+        id: String,
+        /// A process of its own, this process, or as the host decides
+        mode: Where,
+    },
     /// Describe a library and write plugin.json beside it
     Pack {
         /// Libraries
         #[arg(required = true, value_name = "LIB")]
         libraries: Vec<PathBuf>,
     },
+}
+
+/// Where the calls of a plugin run.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+pub enum Where {
+    Worker,
+    InProcess,
+    Default,
 }

@@ -30,7 +30,7 @@ pub fn options(global: &Global) -> Result<Options, Failure> {
     options.threads = global.threads.map_or(0, usize::from);
     options.isolation = match (global.isolated, global.in_process) {
         (true, _) => Isolation::Always,
-        (_, true) => Isolation::InProcess,
+        (_, true) => Isolation::OnlyInProcess,
         _ => Isolation::ByPlugin,
     };
     Ok(options)

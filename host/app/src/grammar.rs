@@ -40,7 +40,7 @@ pub fn grammar(early: &Early) -> Result<Complete, Failure> {
         ..Default::default()
     };
     let options = context::options(&global)?;
-    let catalogue = Catalogue::scan(&options.folders);
+    let catalogue = options.catalogue()?;
     let operation = match &early.operation {
         None => None,
         Some(id) => match find(&catalogue, id)? {

@@ -71,12 +71,28 @@ fn run(arguments: Vec<OsString>, early: &Early) -> Result<Ended, Failure> {
         watch: Arc::new(watch),
         json: cli.global.json,
     };
+    tell_of_crashes(&context)?;
     let matches = matches.subcommand().map(|(_, matches)| matches);
     commands::run(
         &context,
         &command,
         matches.unwrap_or(&clap::ArgMatches::default()),
     )
+}
+
+/// Says once that earlier sessions ended inside a plugin.
+fn tell_of_crashes(context: &Context) -> Result<(), Failure> {
+    let news: Vec<String> = context
+        .engine
+        .crashes()
+        .filter(|crash| !crash.told)
+        .map(|crash| crash.sentence())
+        .collect();
+    if context.watch.quiet() || news.is_empty() {
+        return Ok(());
+    }
+    news.iter().for_each(|text| context.watch.note(text));
+    context.engine.told_of_crashes()
 }
 
 /// Without a command: what there is.

@@ -52,6 +52,7 @@ fn installed() -> Installed {
         packed,
         library: "libx.so".into(),
         bundled: true,
+        trusted: None,
     }
 }
 

@@ -68,6 +68,11 @@ impl Watch {
         self.begin("");
     }
 
+    /// Whether nobody wants to read notes.
+    pub fn quiet(&self) -> bool {
+        self.quiet
+    }
+
     /// A line for the person, once.
     pub fn note(&self, text: &str) {
         if self.quiet {

@@ -1,11 +1,14 @@
 //! Puncta's engine: store, recipe graph, loader, worker, jobs. No window, no algorithm, no format.
 
+pub mod date;
 pub mod engine;
 pub mod files;
 pub mod job;
+pub mod kept;
 pub mod plugins;
 pub mod provenance;
 pub mod recipe;
+pub mod settings;
 pub mod store;
 pub mod summary;
 #[cfg(unix)]

@@ -1,6 +1,6 @@
 //! Calls: prepare, run, assemble what came out.
 
-use super::{Engine, check};
+use super::{Engine, Isolation, check, only_in_process};
 use crate::job::Progress;
 use crate::plugins::catalogue::Installed;
 use crate::plugins::context::Resources;
@@ -105,12 +105,20 @@ impl Engine {
         request: &Request,
         progress: &Arc<dyn Progress>,
     ) -> Result<Backend, Failure> {
-        if self.in_process(plugin) {
+        if self.place(plugin)? {
             let context = JobContext::new(Vec::new(), Arc::clone(progress), self.resources());
-            return self
-                .library(plugin)?
-                .prepare(&context, request)
-                .map(Backend::InProcess);
+            let prepared = self.library(plugin)?.prepare(&context, request)?;
+            if prepared.plan().interruptible {
+                return Ok(Backend::InProcess(prepared));
+            }
+            // What cannot be stopped would keep the person from the session.
+            if self.options.isolation == Isolation::OnlyInProcess {
+                let message = format!(
+                    "{} cannot be stopped while it runs, and therefore runs only in a process of its own",
+                    request.operation
+                );
+                return Err(only_in_process(message));
+            }
         }
         let copy = self.copy(plugin)?;
         let name = &plugin.packed.manifest.id;

@@ -1,7 +1,9 @@
 //! The engine: installed plugins, and calls of their operations in this process or in workers.
 
+mod aftermath;
 mod call;
 mod check;
+mod manage;
 mod read;
 mod recipe;
 mod relay;
@@ -10,19 +12,23 @@ mod write;
 
 pub use call::{Called, Invocation, PreparedCall};
 pub use check::Converted;
+pub use manage::Trusted;
 pub use read::ReadFile;
 pub use recipe::{SourceFile, Steps, lineage};
 pub use write::Written;
 
-use crate::plugins::catalogue::{Catalogue, Folder, Installed};
+use crate::plugins::catalogue::{Catalogue, Describer, Folder, Installed};
 use crate::plugins::context::Resources;
+use crate::plugins::crashes::Crashes;
 use crate::plugins::library::Library;
+use crate::plugins::sentinel::{Marker, Sentinel};
+use crate::settings::{self, Mode, Settings};
 use crate::store::SegmentPool;
 use crate::worker;
 use puncta_documents::{Failure, FailureCode, Operation};
 use std::collections::HashMap;
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// Memory of dropped results that is kept for the next ones.
 const KEPT_BYTES: u64 = 1 << 30;
@@ -37,6 +43,8 @@ pub enum Isolation {
     Always,
     /// All in this process that do not insist on a worker.
     InProcess,
+    /// All in this process; what insists on a worker is refused.
+    OnlyInProcess,
 }
 
 /// What an engine is made with.
@@ -46,6 +54,10 @@ pub struct Options {
     pub folders: Vec<Folder>,
     /// Folder for private copies of libraries.
     pub cache: PathBuf,
+    /// The person's configuration folder, with the settings; without one there are none.
+    pub config: Option<PathBuf>,
+    /// Folder for what is remembered of sessions that ended inside a plugin.
+    pub state: Option<PathBuf>,
     /// Program that serves as worker when it is called with `worker`.
     pub program: PathBuf,
     /// Threads for calls; 0 means as many as the machine has.
@@ -70,9 +82,10 @@ impl Options {
                 bundled: false,
             }));
         }
-        if let Some(config) = dirs::config_dir() {
+        let (config, state) = settings::folders();
+        if let Some(config) = &config {
             folders.push(Folder {
-                path: config.join("puncta").join("plugins"),
+                path: config.join("plugins"),
                 bundled: false,
             });
         }
@@ -88,6 +101,8 @@ impl Options {
         Options {
             folders,
             cache: cache.unwrap_or_else(|| std::env::temp_dir().join("puncta")),
+            config,
+            state,
             worker_memory: worker::Start::new(program.clone()).memory,
             program,
             threads: 0,
@@ -100,6 +115,11 @@ impl Options {
 /// Installed plugins, and what is needed to call them.
 pub struct Engine {
     catalogue: Catalogue,
+    /// As they were when the engine was opened.
+    settings: Settings,
+    crashes: Crashes,
+    /// Marks of the calls in this process; made with the first one.
+    sentinel: OnceLock<Option<Arc<Sentinel>>>,
     options: Options,
     pool: Arc<rayon::ThreadPool>,
     segments: Arc<SegmentPool>,
@@ -109,10 +129,11 @@ pub struct Engine {
 }
 
 impl Engine {
-    /// Scans the plugin folders. Opens no library.
+    /// Scans the plugin folders. Runs nothing of a library, unless it is trusted and was never
+    /// described.
     ///
     /// # Errors
-    /// When the system gives no threads.
+    /// When the settings are damaged, or the system gives no threads.
     pub fn open(options: Options) -> Result<Engine, Failure> {
         let threads = match options.threads {
             0 => std::thread::available_parallelism().map_or(1, std::num::NonZero::get),
@@ -127,13 +148,22 @@ impl Engine {
                     "the system gives no threads for calculations",
                 )
             })?;
+        let settings = options.settings()?;
+        let workers = Arc::new(worker::Pool::new(worker::Start {
+            program: options.program.clone(),
+            threads,
+            memory: options.worker_memory,
+        }));
+        let describer = Describer {
+            cache: options.cache.clone(),
+            workers: Arc::clone(&workers),
+        };
         Ok(Engine {
-            catalogue: Catalogue::scan(&options.folders),
-            workers: Arc::new(worker::Pool::new(worker::Start {
-                program: options.program.clone(),
-                threads,
-                memory: options.worker_memory,
-            })),
+            catalogue: Catalogue::scan(&options.folders, &settings, &describer),
+            crashes: options.crashes()?,
+            sentinel: OnceLock::new(),
+            settings,
+            workers,
             pool: Arc::new(pool),
             segments: Arc::new(SegmentPool::new(KEPT_BYTES)),
             options,
@@ -174,11 +204,23 @@ impl Engine {
     /// When there is none; the sentence names the closest ids.
     pub fn operation(&self, id: &str) -> Result<(&Arc<Installed>, &Operation), Failure> {
         self.catalogue.find(id).ok_or_else(|| {
+            if let Some(failure) = self.catalogue.withheld(id) {
+                return failure;
+            }
             let known = self.catalogue.operations();
             let known = known.map(|(_, operation)| operation.id.as_str());
             let near = crate::recipe::closest_names(id, known, 3);
             let remedy = if near.is_empty() {
-                "puncta ops lists those that there are".to_owned()
+                match self
+                    .catalogue
+                    .held()
+                    .iter()
+                    .filter(|held| held.waits())
+                    .count()
+                {
+                    0 => "puncta ops lists those that there are".to_owned(),
+                    _ => "a library waits for your consent: see puncta plugins list".to_owned(),
+                }
             } else {
                 format!("there is {}", near.join(", "))
             };
@@ -211,19 +253,91 @@ impl Engine {
         if let Some(library) = libraries.get(&copy) {
             return Ok(Arc::clone(library));
         }
-        let library = Arc::new(Library::open(&copy, plugin.packed.door)?);
+        let marker = self.sentinel().map(|sentinel| Marker {
+            sentinel,
+            plugin: plugin.packed.manifest.id.clone(),
+            hash: plugin.packed.hash.clone(),
+        });
+        let library = Library::open_marked(&copy, plugin.packed.door, marker)?;
+        let library = Arc::new(library);
         libraries.insert(copy, Arc::clone(&library));
         Ok(library)
     }
 
-    /// Whether calls of a plugin run in this process.
+    /// The settings, as they were when the engine was opened.
+    #[must_use]
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// Whether calls of a plugin run in this process, as far as the plugin decides it.
     #[must_use]
     pub fn in_process(&self, plugin: &Installed) -> bool {
-        let allows = plugin.packed.manifest.isolation == "none";
-        match self.options.isolation {
-            Isolation::ByPlugin => allows && plugin.bundled,
-            Isolation::Always => false,
-            Isolation::InProcess => allows,
+        let manifest = &plugin.packed.manifest;
+        let by_plugin = || match self.settings.choice(&manifest.id).mode {
+            Mode::Default => plugin.bundled && !self.demoted(plugin),
+            Mode::Worker => false,
+            Mode::InProcess => true,
+        };
+        allows(plugin)
+            && match self.options.isolation {
+                Isolation::ByPlugin => by_plugin(),
+                Isolation::Always => false,
+                Isolation::InProcess | Isolation::OnlyInProcess => true,
+            }
+    }
+
+    /// Where a call runs: whether in this process.
+    ///
+    /// # Errors
+    /// When it is to run in this process only, and the plugin insists on a worker.
+    fn place(&self, plugin: &Installed) -> Result<bool, Failure> {
+        if self.options.isolation == Isolation::OnlyInProcess && !allows(plugin) {
+            let message = format!(
+                "the plugin {} runs only in a process of its own",
+                plugin.packed.manifest.id
+            );
+            return Err(only_in_process(message));
         }
+        Ok(self.in_process(plugin))
+    }
+}
+
+/// Whether a plugin may run in the host's process at all.
+fn allows(plugin: &Installed) -> bool {
+    plugin.packed.manifest.isolation == "none"
+}
+
+fn only_in_process(message: String) -> Failure {
+    Failure::new(FailureCode::Unsupported, message).remedy("leave out --in-process")
+}
+
+impl Options {
+    /// Reads the person's settings.
+    ///
+    /// # Errors
+    /// When they are damaged.
+    pub fn settings(&self) -> Result<Settings, Failure> {
+        let config = self.config.as_ref();
+        config.map_or_else(
+            || Ok(Settings::default()),
+            |config| settings::file(config).read(),
+        )
+    }
+
+    /// The plugins of the folders, without an engine to call them.
+    ///
+    /// # Errors
+    /// When the settings are damaged.
+    pub fn catalogue(&self) -> Result<Catalogue, Failure> {
+        let describer = Describer {
+            cache: self.cache.clone(),
+            workers: Arc::new(worker::Pool::new(self.program.clone(), 1)),
+        };
+        Ok(Catalogue::scan(
+            &self.folders,
+            &self.settings()?,
+            &describer,
+        ))
     }
 }

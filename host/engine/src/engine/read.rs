@@ -105,6 +105,16 @@ impl Engine {
                 }
             }
         }
+        // A plugin that the person keeps from working may be the one that knows it.
+        let foreign = |failure: &Failure| failure.code == FailureCode::NotMine;
+        if able.is_empty()
+            && refused.as_ref().is_none_or(foreign)
+            && let Some(failure) = self
+                .catalogue()
+                .withheld_file(&file.name, OperationKind::Reader)
+        {
+            return Err(failure.context(format!("cannot read {}", path.display())));
+        }
         choose(path, able, refused)
     }
 
@@ -136,6 +146,10 @@ impl Engine {
         fitting.sort_by_key(|(generic, operation)| (*generic, operation.id.clone()));
         if fitting.is_empty() {
             let shown = path.display();
+            let held = self.catalogue().withheld_file(&name, OperationKind::Reader);
+            if let Some(failure) = held {
+                return Err(failure.context(format!("cannot read {shown}")));
+            }
             let message = if readers().next().is_none() {
                 format!("cannot read {shown}: no reader installed")
             } else {

@@ -10,7 +10,7 @@ use crate::recipe::{
     self, Call, Checked, CheckedStep, Conversion, Key, PluginRef, Recipe, Record, Runner, key,
 };
 use crate::store::Object;
-use puncta_documents::{Failure, FailureCode, Header, Kind, Map, Operation};
+use puncta_documents::{Failure, FailureCode, Header, Kind, Map, Operation, OperationKind};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::Arc;
@@ -39,6 +39,14 @@ impl recipe::Catalogue for Engine {
             .operations()
             .map(|(_, operation)| operation)
             .collect()
+    }
+
+    fn withheld(&self, id: &str) -> Option<Failure> {
+        self.catalogue().withheld(id)
+    }
+
+    fn withheld_file(&self, file: &str, kind: OperationKind) -> Option<Failure> {
+        self.catalogue().withheld_file(file, kind)
     }
 }
 
@@ -291,7 +299,6 @@ fn reference(plan: &Checked, source: Source) -> Option<String> {
 mod tests {
     use super::*;
     use crate::provenance::FileRecord;
-    use puncta_documents::OperationKind;
     use serde_json::json;
 
     struct Installed(Operation);

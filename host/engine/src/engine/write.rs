@@ -55,6 +55,10 @@ impl Engine {
             rule.is_some_and(|rule| rule.suffixes.iter().any(|one| name.ends_with(one.as_str())))
         };
         writers.find(fits).ok_or_else(|| {
+            let held = self.catalogue().withheld_file(&name, OperationKind::Writer);
+            if let Some(failure) = held {
+                return failure.context(format!("cannot write {}", path.display()));
+            }
             let mut suffixes: Vec<String> = self
                 .catalogue()
                 .operations()

@@ -1,34 +1,17 @@
-//! Which plugins are installed. Scanning reads `plugin.json` files and opens no library.
+//! Which plugins are installed, and which of them may be used. Scanning opens no library: it reads
+//! `plugin.json` files, and hashes the libraries that the bundle does not list.
 
-use super::inspect::{hex, inspect};
-use crate::worker::Pool;
-use puncta_documents::{Failure, FailureCode, Manifest, Map, Operation};
-use serde::{Deserialize, Serialize};
+use super::bundle::{self, Listed};
+use super::held::{Held, Why};
+use super::library_file::Facts;
+pub use super::packed::{Describer, FILE_NAME, INSTALLED, Packed, describe, pack};
+use super::packed::{private_copy, read, remembered};
+use crate::settings::Settings;
+use puncta_documents::{Failure, Operation, OperationKind};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-
-/// Format of `plugin.json`.
-pub const INSTALLED: &str = "puncta.installed/1";
-/// Name of the file that `puncta plugins pack` writes beside a library.
-pub const FILE_NAME: &str = "plugin.json";
-
-/// What `plugin.json` says: the manifest, and which library it was taken from.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Packed {
-    /// File name of the library, in the same folder.
-    pub library: String,
-    /// BLAKE3 of the library.
-    pub hash: String,
-    /// Whether the library has the door.
-    pub door: bool,
-    /// What the plugin is and offers.
-    pub manifest: Manifest,
-    /// Members that this version does not know.
-    #[serde(flatten)]
-    pub rest: Map,
-}
 
 /// An installed plugin.
 #[derive(Clone, Debug)]
@@ -37,8 +20,10 @@ pub struct Installed {
     pub packed: Packed,
     /// The library.
     pub library: PathBuf,
-    /// Whether it belongs to the bundle that this program is in.
+    /// Whether the bundle that this program is in lists the library.
     pub bundled: bool,
+    /// When the person consented to the library, if the bundle does not list it; in UTC.
+    pub trusted: Option<String>,
 }
 
 /// Something in a plugin folder that is not used.
@@ -55,7 +40,7 @@ pub struct Refused {
 pub struct Folder {
     /// Where.
     pub path: PathBuf,
-    /// Whether it belongs to the bundle that this program is in.
+    /// Whether it belongs to the bundle that this program is in: its list of libraries is believed.
     pub bundled: bool,
 }
 
@@ -65,34 +50,147 @@ pub struct Catalogue {
     plugins: Vec<Arc<Installed>>,
     operations: BTreeMap<String, (usize, usize)>,
     refused: Vec<Refused>,
+    held: Vec<Held>,
+}
+
+/// What decides whether a library is used.
+struct Trust<'a> {
+    listed: Listed,
+    settings: &'a Settings,
+    describer: &'a Describer,
 }
 
 impl Catalogue {
-    /// Reads the folders in order.
+    /// Reads the folders in order. A library that is trusted and has no fitting `plugin.json` is
+    /// described in a worker, once.
     #[must_use]
-    pub fn scan(folders: &[Folder]) -> Catalogue {
+    pub fn scan(folders: &[Folder], settings: &Settings, describer: &Describer) -> Catalogue {
         let mut catalogue = Catalogue::default();
+        let mut listed = Listed::default();
+        for folder in folders.iter().filter(|folder| folder.bundled) {
+            match bundle::read(&folder.path) {
+                Ok(found) => listed.libraries.extend(found.libraries),
+                Err(failure) => {
+                    let path = folder.path.join(bundle::FILE_NAME);
+                    catalogue.refuse(&path, &failure.to_string());
+                }
+            }
+        }
+        let trust = Trust {
+            listed,
+            settings,
+            describer,
+        };
         for folder in folders {
-            // A folder that is not there has no plugins.
-            let Ok(entries) = fs::read_dir(&folder.path) else {
-                continue;
-            };
-            let mut places: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
-            places.sort();
-            for place in places
-                .into_iter()
-                .filter(|place| place.join(FILE_NAME).is_file())
-            {
-                match read(&place, folder.bundled) {
-                    Ok(installed) => catalogue.add(installed),
-                    Err(failure) => catalogue.refused.push(Refused {
-                        path: place,
-                        why: failure.to_string(),
-                    }),
+            for place in sorted(&folder.path) {
+                if place.join(FILE_NAME).is_file() {
+                    match read(&place) {
+                        Ok(packed) => {
+                            let library = place.join(&packed.library);
+                            catalogue.judge(library, Some(packed), folder.bundled, &trust);
+                        }
+                        Err(failure) => catalogue.refuse(&place, &failure.to_string()),
+                    }
+                    continue;
+                }
+                let inside = if place.is_dir() {
+                    sorted(&place)
+                } else {
+                    vec![place]
+                };
+                for library in inside.into_iter().filter(|path| is_library(path)) {
+                    catalogue.judge(library, None, false, &trust);
                 }
             }
         }
         catalogue
+    }
+
+    /// Decides on a library, without running anything of it unless it is trusted.
+    fn judge(&mut self, library: PathBuf, claimed: Option<Packed>, own: bool, trust: &Trust<'_>) {
+        let id = claimed.as_ref().map(|packed| packed.manifest.id.as_str());
+        let earlier = trust
+            .settings
+            .earlier(&library, id)
+            .map(|one| one.date.clone());
+        // Libraries of the bundle are hashed when they are used, if nothing speaks of a change.
+        if let Some(packed) = claimed.as_ref().filter(|_| own && earlier.is_none())
+            && let Some(known) = trust.listed.libraries.get(&packed.hash)
+            && fs::metadata(&library).is_ok_and(|found| found.len() == known.size)
+        {
+            let packed = packed.clone();
+            return self.accept(library, packed, (true, None), trust);
+        }
+        let facts = match Facts::of(&library) {
+            Ok(facts) => facts,
+            Err(failure) => {
+                self.refuse(&library, &failure.to_string());
+                let why = Why::Broken(failure);
+                return self.hold(library, None, claimed, why);
+            }
+        };
+        let bundled = trust.listed.libraries.contains_key(&facts.hash);
+        let consent = trust.settings.trusted.get(&facts.hash);
+        if !bundled && consent.is_none() {
+            let other = claimed
+                .as_ref()
+                .is_some_and(|packed| packed.hash != facts.hash);
+            let why = match earlier {
+                Some(date) => Why::Changed(crate::date::day(&date).to_owned()),
+                None if other => Why::Repacked,
+                None => Why::New,
+            };
+            return self.hold(library, Some(facts), claimed, why);
+        }
+        let packed = match claimed.filter(|packed| packed.hash == facts.hash) {
+            Some(packed) => Ok(packed),
+            None => remembered(&library, &facts, trust.describer),
+        };
+        match packed {
+            Ok(packed) => {
+                let date = consent.filter(|_| !bundled).map(|one| one.date.clone());
+                self.accept(library, packed, (bundled, date), trust);
+            }
+            Err(failure) => self.refuse(&library, &failure.to_string()),
+        }
+    }
+
+    fn accept(
+        &mut self,
+        library: PathBuf,
+        packed: Packed,
+        (bundled, trusted): (bool, Option<String>),
+        trust: &Trust<'_>,
+    ) {
+        let installed = Installed {
+            packed,
+            library,
+            bundled,
+            trusted,
+        };
+        let (library, packed) = (&installed.library, &installed.packed);
+        if !trust.settings.choice(&packed.manifest.id).enabled {
+            let (library, packed) = (library.clone(), packed.clone());
+            let why = Why::Disabled(Arc::new(installed));
+            return self.hold(library, None, Some(packed), why);
+        }
+        self.add(installed);
+    }
+
+    fn hold(&mut self, library: PathBuf, facts: Option<Facts>, claimed: Option<Packed>, why: Why) {
+        self.held.push(Held {
+            library,
+            facts,
+            claimed,
+            why,
+        });
+    }
+
+    fn refuse(&mut self, path: &Path, why: &str) {
+        self.refused.push(Refused {
+            path: path.to_path_buf(),
+            why: why.to_owned(),
+        });
     }
 
     fn add(&mut self, installed: Installed) {
@@ -103,21 +201,13 @@ impl Catalogue {
             .find(|known| &known.packed.manifest.id == id)
         {
             let why = format!("{id} is already installed in {}", first.library.display());
-            self.refused.push(Refused {
-                path: installed.library,
-                why,
-            });
-            return;
+            return self.refuse(&installed.library, &why);
         }
         for operation in &installed.packed.manifest.operations {
             if let Some((plugin, _)) = self.operations.get(&operation.id) {
                 let owner = &self.plugins[*plugin].packed.manifest.id;
                 let why = format!("{} is already offered by {owner}", operation.id);
-                self.refused.push(Refused {
-                    path: installed.library,
-                    why,
-                });
-                return;
+                return self.refuse(&installed.library, &why);
             }
         }
         for (place, operation) in installed.packed.manifest.operations.iter().enumerate() {
@@ -137,6 +227,30 @@ impl Catalogue {
     #[must_use]
     pub fn refused(&self) -> &[Refused] {
         &self.refused
+    }
+
+    /// Plugins that are there and are not used, since the person did not consent or switched them
+    /// off; broken ones are among them.
+    #[must_use]
+    pub fn held(&self) -> &[Held] {
+        &self.held
+    }
+
+    /// Why an operation that is not installed cannot be used, if a plugin that is held says that
+    /// it has it.
+    #[must_use]
+    pub fn withheld(&self, id: &str) -> Option<Failure> {
+        self.held
+            .iter()
+            .find(|held| held.offers(id))
+            .map(Held::failure)
+    }
+
+    /// Why no plugin reads or writes a file of this name, if one that is held says that it does.
+    #[must_use]
+    pub fn withheld_file(&self, file: &str, kind: OperationKind) -> Option<Failure> {
+        let found = self.held.iter().find(|held| held.handles(file, kind));
+        found.map(Held::failure)
     }
 
     /// All operations, readers and writers, sorted by id.
@@ -167,78 +281,25 @@ impl Catalogue {
     }
 }
 
-fn read(place: &Path, bundled: bool) -> Result<Installed, Failure> {
-    let path = place.join(FILE_NAME);
-    let text = fs::read_to_string(&path).map_err(|error| Failure::io("read", &path, &error))?;
-    let packed: Packed = puncta_documents::parse(&text, INSTALLED).map_err(|why| {
-        Failure::bad_file(format!("{} is {why}", path.display()))
-            .remedy("run puncta plugins pack on the library again")
-    })?;
-    let name = Path::new(&packed.library);
-    if name.file_name() != Some(name.as_os_str()) {
-        let message = format!("{} names a library in another folder", path.display());
-        return Err(Failure::bad_file(message));
-    }
-    Ok(Installed {
-        library: place.join(name),
-        packed,
-        bundled,
-    })
+/// What lies in a folder; a folder that is not there has nothing.
+fn sorted(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).into_iter().flatten();
+    let mut places: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
+    places.sort();
+    places
 }
 
-/// Describes a library in a worker that is thrown away.
-///
-/// # Errors
-/// One sentence: what the file is instead of a plugin, or how describing it failed.
-pub fn describe(library: &Path, pool: &Pool) -> Result<Packed, Failure> {
-    let bytes = fs::read(library).map_err(|error| Failure::io("read", library, &error))?;
-    let inspected = inspect(library, &bytes)?;
-    let manifest = pool.describe(library, inspected.door)?;
-    let name = library
-        .file_name()
-        .map(|name| name.to_string_lossy().into_owned());
-    Ok(Packed {
-        library: name.unwrap_or_default(),
-        hash: hex(&inspected.hash),
-        door: inspected.door,
-        manifest,
-        rest: Map::new(),
-    })
-}
-
-/// Describes a library and writes `plugin.json` beside it. Returns the file's path.
-///
-/// # Errors
-/// As [`describe`], or when the file cannot be written.
-pub fn pack(library: &Path, pool: &Pool) -> Result<(PathBuf, Packed), Failure> {
-    let packed = describe(library, pool)?;
-    let path = library.with_file_name(FILE_NAME);
-    let text = puncta_documents::write(&packed, INSTALLED);
-    crate::files::write_whole(&path, text.as_bytes())?;
-    Ok((path, packed))
+fn is_library(path: &Path) -> bool {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    name.ends_with(std::env::consts::DLL_SUFFIX) && path.is_file()
 }
 
 impl Installed {
     /// A private copy of the library, kept by its hash, so that nobody can change what is mapped.
     ///
     /// # Errors
-    /// When the library is not the one that `plugin.json` was made from, or cannot be copied.
+    /// When the library is not the one that was trusted, or cannot be copied.
     pub fn private_copy(&self, cache: &Path) -> Result<PathBuf, Failure> {
-        let bytes =
-            fs::read(&self.library).map_err(|error| Failure::io("read", &self.library, &error))?;
-        let inspected = inspect(&self.library, &bytes)?;
-        if hex(&inspected.hash) != self.packed.hash {
-            let message = format!("{} has changed since it was packed", self.library.display());
-            return Err(Failure::new(FailureCode::Unsupported, message)
-                .remedy("run puncta plugins pack on it again if you trust the change"));
-        }
-        let folder = cache.join("plugins").join(&self.packed.hash[..16]);
-        let copy = folder.join(&self.packed.library);
-        let same = fs::read(&copy).is_ok_and(|there| there == bytes);
-        if !same {
-            fs::create_dir_all(&folder).map_err(|e| Failure::io("create", &folder, &e))?;
-            crate::files::write_whole(&copy, &bytes)?;
-        }
-        Ok(copy)
+        private_copy(&self.library, &self.packed.hash, cache)
     }
 }

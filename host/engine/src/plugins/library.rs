@@ -2,6 +2,7 @@
 #![allow(unsafe_code)]
 
 use super::context::JobContext;
+use super::sentinel::{Label, Marker};
 use super::tables::{Entry, HOST};
 use puncta_abi::{self as abi, Str};
 use puncta_documents::call::{PLAN, REQUEST};
@@ -19,6 +20,8 @@ pub struct Library {
     manifest: Manifest,
     instance: u64,
     call: Option<&'static abi::Call1>,
+    /// Where calls are marked, in the host's process.
+    marker: Option<Marker>,
     /// Held during `run` of a plugin that does not say it is reentrant.
     turn: Mutex<()>,
 }
@@ -28,6 +31,7 @@ pub struct Prepared {
     library: Arc<Library>,
     handle: u64,
     plan: Arc<Plan>,
+    label: Option<Label>,
 }
 
 fn broken(path: &Path, why: &str) -> Failure {
@@ -41,6 +45,20 @@ impl Library {
     /// # Errors
     /// When the system cannot load it, its tables differ from this build's, or it refuses.
     pub fn open(path: &Path, door: bool) -> Result<Library, Failure> {
+        Library::open_marked(path, door, None)
+    }
+
+    /// As [`Library::open`]; whatever runs of the library is marked while it does.
+    ///
+    /// # Errors
+    /// As [`Library::open`].
+    pub fn open_marked(
+        path: &Path,
+        door: bool,
+        marker: Option<Marker>,
+    ) -> Result<Library, Failure> {
+        let label = marker.as_ref().and_then(|marker| marker.label(""));
+        let _running = label.as_ref().map(Label::enter);
         // SAFETY: loading runs the library's constructors: that is what a plugin is trusted with.
         let handle = unsafe { load(path) }?;
         if door {
@@ -80,6 +98,7 @@ impl Library {
             manifest,
             instance,
             call,
+            marker,
             turn: Mutex::new(()),
         })
     }
@@ -124,9 +143,13 @@ impl Library {
             handle: 0,
             document: Str::EMPTY,
         };
+        let marker = self.marker.as_ref();
+        let label = marker.and_then(|marker| marker.label(&request.operation));
         let entry = Entry::new(context);
+        let running = label.as_ref().map(Label::enter);
         // SAFETY: the tables were checked at opening; text and plan outlive the call.
         let status = unsafe { prepare(self.instance, entry.0, Str::new(&text), &raw mut plan) };
+        drop(running);
         drop(entry);
         check(status, context)?;
         // SAFETY: the document is valid until `drop` of this plan.
@@ -136,6 +159,7 @@ impl Library {
             library: Arc::clone(self),
             handle: plan.handle,
             plan: Arc::default(),
+            label,
         };
         let parsed =
             parsed.map_err(|why| Failure::internal(format!("the plugin's plan is {why}")))?;
@@ -170,8 +194,10 @@ impl Prepared {
                 .lock()
                 .unwrap_or_else(PoisonError::into_inner)
         });
+        let running = self.label.as_ref().map(Label::enter);
         // SAFETY: instance and plan are the plugin's own numbers, both still alive.
         let status = unsafe { run(self.library.instance, entry.0, self.handle) };
+        drop(running);
         drop(turn);
         drop(entry);
         check(status, context)
@@ -181,6 +207,7 @@ impl Prepared {
 impl Drop for Prepared {
     fn drop(&mut self) {
         if let Some(drop) = self.library.call.and_then(|call| call.drop) {
+            let _running = self.label.as_ref().map(Label::enter);
             // SAFETY: the plugin's own number, dropped once.
             unsafe { drop(self.library.instance, self.handle) }
         }

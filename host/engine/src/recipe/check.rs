@@ -290,6 +290,9 @@ impl<'a> Checker<'a> {
 
     /// Why an id cannot be used as `kind`.
     pub(crate) fn refuse_id(&mut self, what: &str, id: &str, kind: OperationKind) -> Failure {
+        if let Some(failure) = self.catalogue.withheld(id) {
+            return failure.context(format!("{what} needs {id}"));
+        }
         let installed = self.catalogue.operations();
         let fitting = || {
             installed

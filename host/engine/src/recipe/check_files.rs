@@ -137,6 +137,10 @@ impl Checker<'_> {
         }
         let found = best.and_then(|(_, id)| self.offer(id));
         found.map(|(writer, _)| writer).ok_or_else(|| {
+            let held = self.catalogue.withheld_file(&file, OperationKind::Writer);
+            if let Some(failure) = held {
+                return failure.context(what);
+            }
             let message = format!("{what}: no installed plugin writes files of this name");
             let remedy = if suffixes.is_empty() {
                 "install a plugin that writes files".to_owned()

@@ -48,7 +48,7 @@ pub use report::{Found, Record, RecordInput, RunReport, StepReport, StepState};
 pub use session::{Call, Inputs, Limits, Runner, Session, Ticket, Wanted, Watch};
 pub use units::{Conversion, check_units};
 
-use puncta_documents::{Kind, Map, Operation};
+use puncta_documents::{Failure, Kind, Map, Operation, OperationKind};
 use std::collections::BTreeMap;
 
 /// Format of a recipe.
@@ -66,6 +66,14 @@ pub trait Catalogue {
     fn plugin(&self, id: &str) -> Option<PluginRef>;
     /// All operations, readers and writers: to choose a writer, and to name the closest ids.
     fn operations(&self) -> Vec<&Operation>;
+    /// Why an operation that is not among them cannot be used, if a plugin that has it is there.
+    fn withheld(&self, _id: &str) -> Option<Failure> {
+        None
+    }
+    /// The same for a reader or writer of files of this name.
+    fn withheld_file(&self, _file: &str, _kind: OperationKind) -> Option<Failure> {
+        None
+    }
 }
 
 /// A plugin as provenance names it.
