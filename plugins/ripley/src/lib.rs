@@ -1,7 +1,23 @@
 //! Pair distances, Ripley functions and nearest neighbours.
 
+mod bands;
 pub mod bins;
+pub mod edges;
+pub mod envelope;
+pub mod flat;
+pub mod nearest;
+pub mod op_density;
+pub mod op_k;
+pub mod op_nearest;
+pub mod op_pairs;
 pub mod pairs;
+pub mod polygon;
+pub mod ripley;
+pub mod simulate;
+pub mod study;
+#[cfg(test)]
+mod testing;
+pub mod window;
 
 puncta_sdk::plugin! {
     id: "puncta.ripley",

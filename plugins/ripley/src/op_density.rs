@@ -1,0 +1,194 @@
+//! The operation `puncta.ripley.density/1`.
+
+use crate::ripley::ball;
+use crate::study::points;
+use puncta_sdk::prelude::*;
+use puncta_sdk::serde_json::json;
+use puncta_shared_neighbours::Grid;
+
+/// Density about each localisation.
+#[derive(Params)]
+pub struct Density {
+    /// Radius within which neighbours are counted.
+    #[param(default = 50, min = 1e-6, max = 1e9, unit = "nm")]
+    radius: f64,
+    /// Which neighbour's distance is given: 1 is the nearest.
+    #[param(default = 1, min = 1, max = 1000)]
+    k: usize,
+    /// Column with the third coordinate, such as z; in the plane if left out.
+    z: Option<Column>,
+}
+
+impl Density {
+    fn go<const D: usize>(&self, job: &Job) -> Result<(), Failure> {
+        let data = points::<D>(job, "table", self.z.as_ref())?;
+        let axes = data.each_ref().map(|axis| &**axis);
+        job.progress(0.0, "counting neighbours")?;
+        let grid = Grid::new(axes, self.radius, job)?;
+        if grid.left_out() > 0 {
+            let rows = grid.left_out();
+            job.warn(&format!(
+                "{rows} rows have no finite position: their density is NaN"
+            ));
+        }
+        let counts = neighbours(&grid, self.radius, job)?;
+        drop(grid);
+        job.progress(0.5, "finding nearest neighbours")?;
+        let grid = Grid::for_nearest(axes, [1.0; D], self.k, job)?;
+        let distances = grid.nearest_distances(self.k, job)?;
+        let unit = if D == 2 { "nm^-2" } else { "nm^-3" };
+        let power = i32::try_from(D).unwrap_or(2);
+        let columns = [
+            ColumnInfo::new("neighbours", Element::U32, "1")
+                .description("Localisations within the radius, without itself"),
+            ColumnInfo::new("density", Element::F64, unit)
+                .description("Neighbours within the radius over its area or volume"),
+            ColumnInfo::new("nn_distance", Element::F64, "nm")
+                .description("Distance from the k-th nearest localisation"),
+            ColumnInfo::new("nn_density", Element::F64, unit)
+                .description("k over the area or volume up to the k-th nearest localisation"),
+        ];
+        let mut out = job.add_columns("table", columns)?;
+        let volume = ball(D) * self.radius.powi(power);
+        let missing = |row: usize| distances[row].is_nan();
+        out.u32_mut("neighbours")?.copy_from_slice(&counts);
+        for (row, density) in out.f64_mut("density")?.iter_mut().enumerate() {
+            *density = if missing(row) {
+                f64::NAN
+            } else {
+                f64::from(counts[row]) / volume
+            };
+        }
+        out.f64_mut("nn_distance")?.copy_from_slice(&distances);
+        for (density, distance) in out.f64_mut("nn_density")?.iter_mut().zip(&distances) {
+            *density = self.k as f64 / (ball(D) * distance.powi(power));
+        }
+        out.finish()
+    }
+}
+
+/// Number of other points within a radius of each, in the order of the rows.
+fn neighbours<const D: usize>(
+    grid: &Grid<D>,
+    radius: f64,
+    run: &dyn Run,
+) -> Result<Vec<u32>, Failure> {
+    let counts = grid.by_row(run, 0, |i| {
+        // A crowd beyond 32 bits has more rows than a table.
+        if run.cancelled() {
+            0
+        } else {
+            grid.count_within(&grid.point(i), radius) as u32 - 1
+        }
+    })?;
+    Ok(counts)
+}
+
+impl Operation for Density {
+    const ID: &'static str = "puncta.ripley.density/1";
+
+    fn info() -> Info {
+        Info::operation("Local density")
+            .description(
+                "Adds to each localisation the number of others within a radius, their density, the \
+                 distance from its k-th nearest neighbour and the density that follows from it. No \
+                 correction for the boundary of the field.",
+            )
+            .input(Ports::table("table").column("x", "nm").column("y", "nm").column("$z", "nm"))
+            .output(Ports::columns("table", "table").description("The table with four columns"))
+            .example(json!({"radius": 100, "k": 10}))
+            .example_input("table", "puncta.synthetic.membrane/1", json!({}))
+    }
+
+    fn prepare(&self, request: &Request) -> Result<Plan, Failure> {
+        let mut plan = puncta_sdk::operation::default_plan::<Self>(request);
+        let rows: u64 = request.inputs.iter().map(|input| input.header.rows()).sum();
+        plan.memory = rows * 80 + (64 << 20);
+        Ok(plan)
+    }
+
+    fn run(&self, job: &Job) -> Result<(), Failure> {
+        if self.z.is_some() {
+            self.go::<3>(job)
+        } else {
+            self.go::<2>(job)
+        }
+    }
+}
+
+puncta_sdk::register!(Density);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use puncta_testkit::{Call, Table};
+
+    #[test]
+    fn four_columns() {
+        let table = Table::new("localisations")
+            .f64("x", "nm", &[0.0, 3.0, f64::NAN, 0.0])
+            .f64("y", "nm", &[0.0, 4.0, 0.0, 0.0])
+            .f64("depth", "nm", &[0.0, 12.0, 0.0, 0.0]);
+        let call = Call::of::<Density>()
+            .input("table", table.clone())
+            .set("radius", 5)
+            .set("k", 2);
+        let done = call.run().expect("valid");
+        let out = done.output("table").expect("finished");
+        assert_eq!(out.u32("neighbours").expect("there"), [2, 2, 0, 2]);
+        let density = out.f64("density").expect("there");
+        assert!((density[0] - 2.0 / (25.0 * std::f64::consts::PI)).abs() < 1e-15);
+        assert!(density[2].is_nan());
+        let distances = out.f64("nn_distance").expect("there");
+        assert_eq!((distances[0], distances[1]), (5.0, 5.0));
+        let call = Call::of::<Density>()
+            .input("table", table)
+            .set("radius", 5)
+            .set("z", "depth");
+        let done = call.run().expect("valid");
+        let out = done.output("table").expect("finished");
+        assert_eq!(out.u32("neighbours").expect("there"), [1, 0, 0, 1]);
+        assert_eq!(out.f64("nn_distance").expect("there")[1], 13.0);
+    }
+
+    #[test]
+    fn empty_single_and_cancelled() {
+        let table = |n: usize| {
+            let zeros = vec![0.0; n];
+            Table::new("localisations")
+                .f64("x", "nm", &zeros)
+                .f64("y", "nm", &zeros)
+        };
+        let run = |n: usize| {
+            Call::of::<Density>()
+                .input("table", table(n))
+                .run()
+                .expect("valid")
+        };
+        assert!(
+            run(0)
+                .output("table")
+                .expect("finished")
+                .u32("neighbours")
+                .expect("there")
+                .is_empty()
+        );
+        let one = run(1);
+        let one = one.output("table").expect("finished");
+        assert_eq!(one.f64("nn_distance").expect("there"), [f64::INFINITY]);
+        assert_eq!(one.f64("nn_density").expect("there"), [0.0]);
+        let stopped = Call::of::<Density>()
+            .input("table", table(100))
+            .cancel_after(2)
+            .run();
+        assert!(stopped.expect_err("cancelled").is_cancelled());
+        let zero = Call::of::<Density>()
+            .input("table", table(3))
+            .set("radius", 0)
+            .run();
+        assert_eq!(
+            zero.expect_err("refused").parameter.as_deref(),
+            Some("radius")
+        );
+    }
+}
