@@ -60,8 +60,8 @@ fn p_values_without_structure_are_uniform() {
     let plane = Flat::rectangle([0.0, 0.0], [400.0, 300.0]);
     for seed in 1..=3 {
         let mut all = vec![p_values(&plane, repeats, count, seed, Edges::Isotropic)];
-        all.push(p_values(&plane, repeats, count, seed + 10, Edges::None));
         if long {
+            all.push(p_values(&plane, repeats, count, seed + 10, Edges::None));
             all.push(p_values(
                 &letter(0.0),
                 repeats,
@@ -159,7 +159,7 @@ fn ranks_and_p_values_as_by_hand() {
     let others: Vec<Vec<f64>> = (1..=39)
         .map(|i| vec![f64::from(i), -f64::from(i)])
         .collect();
-    let found = envelope(&[40.0, 0.0], &others, 0.05).expect("valid");
+    let found = envelope(&[60.0, 0.0], &others, 0.05).expect("valid");
     assert_eq!(
         (&found.low[..], &found.high[..]),
         (&[1.0, -39.0][..], &[39.0, -1.0][..])

@@ -93,8 +93,8 @@ fn what_cannot_be_counted_is_said() {
     assert!(stopped.is_cancelled());
 }
 
-/// Expected values: the reference application's histogram of ordered pairs, whose 32-bit distances
-/// move some pairs that lie on an edge.
+/// Expected values: the reference application's histogram, whose 32-bit distances move some pairs
+/// that lie on an edge.
 #[test]
 fn real_localisations_as_another_program_counts_them() {
     let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data");
@@ -117,8 +117,8 @@ fn real_localisations_as_another_program_counts_them() {
         220334.0,
     ];
     for (pairs, expected) in pairs.iter().zip(expected) {
-        assert!((2.0 * pairs - expected).abs() <= 4.0, "{pairs} {expected}");
+        assert!((pairs - expected).abs() <= 5.0, "{pairs} {expected}");
     }
-    let sum = 2.0 * pairs.iter().sum::<f64>();
+    let sum = pairs.iter().sum::<f64>();
     assert!((sum - 14_731_278.0).abs() <= 20.0, "{sum}");
 }

@@ -3,9 +3,14 @@
 use crate::Grid;
 use crate::cells::index;
 use crate::source::{Extent, Source};
+use pulp::{Arch, Simd, WithSimd};
 use puncta_sdk::run::Run;
 use puncta_sdk::{Cancelled, Failure};
 use std::ops::Range;
+
+/// Points about a cell above which a search that ends at distance 0 is better than one that looks at
+/// all, so that coincident points are not quadratic.
+const CROWD: usize = 2048;
 
 /// The k nearest points found so far, nearest first. Points at the same distance are ordered by
 /// row; among points at distance 0, those that are found first are taken.
@@ -73,10 +78,10 @@ impl<const D: usize> Grid<D> {
         let mut grid = Self::scaled(points, scale, spread(&extent, wanted), run)?;
         for _ in 0..16 {
             let crowd = grid.crowd(run)?;
-            if crowd <= 12.0 * wanted {
+            if crowd <= 6.0 * wanted {
                 break;
             }
-            let edge = grid.edge * (3.0 * wanted / crowd).powf(1.0 / D as f64).max(1e-3);
+            let edge = grid.edge * (2.0 * wanted / crowd).powf(1.0 / D as f64).max(1e-3);
             let finer = Self::scaled(points, scale, edge, run)?;
             // Coincident points share a cell of any size.
             let better = finer.crowd(run)? < 0.9 * crowd;
@@ -136,13 +141,43 @@ impl<const D: usize> Grid<D> {
     /// # Errors
     /// When cancelled.
     pub fn nearest_distances(&self, k: usize, run: &dyn Run) -> Result<Vec<f64>, Cancelled> {
+        let arch = Arch::new();
         let blocks = self.map_blocks(run, |block| {
             let mut nearest = Nearest::new(k);
-            let distance = |i: usize| {
+            let mut distance = |i: usize| {
                 self.nearest(&self.point(i), Some(i), &mut nearest);
                 nearest.limit().sqrt()
             };
-            block.map(distance).collect::<Vec<f64>>()
+            if k > 1 {
+                return block.map(distance).collect::<Vec<f64>>();
+            }
+            let mut distances = Vec::with_capacity(block.len());
+            let mut slices = Vec::new();
+            for cell in self.cells(block) {
+                let centre = self.cell_of(cell.start);
+                slices.clear();
+                self.shell(&centre, -1, 1, |slice| slices.push(slice));
+                if slices.iter().map(ExactSizeIterator::len).sum::<usize>() > CROWD {
+                    distances.extend(cell.map(&mut distance));
+                    continue;
+                }
+                for i in cell {
+                    let point = self.point(i);
+                    let squared = arch.dispatch(Closest {
+                        grid: self,
+                        point,
+                        but: i,
+                        slices: &slices,
+                    });
+                    let free = self.free(&point, &centre, 1);
+                    distances.push(if free > 0.0 && squared < free * free {
+                        squared.sqrt()
+                    } else {
+                        distance(i)
+                    });
+                }
+            }
+            distances
         })?;
         let mut distances = vec![f64::NAN; self.input_rows];
         for (&row, distance) in self.rows.iter().zip(blocks.into_iter().flatten()) {
@@ -217,6 +252,60 @@ impl<const D: usize> Grid<D> {
             }
         } else {
             self.cells.runs(low, high, &mut visit);
+        }
+    }
+}
+
+/// Smallest squared distance from a point to those of some slices, but one.
+struct Closest<'a, const D: usize> {
+    grid: &'a Grid<D>,
+    point: [f64; D],
+    but: usize,
+    slices: &'a [Range<usize>],
+}
+
+impl<const D: usize> WithSimd for Closest<'_, D> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) -> f64 {
+        // Independent minima, so that the compiler may use whole registers.
+        const LANES: usize = 8;
+        let mut least = [f64::INFINITY; LANES];
+        for slice in self.slices {
+            if slice.contains(&self.but) {
+                self.scan(slice.start..self.but, &mut least);
+                self.scan(self.but + 1..slice.end, &mut least);
+            } else {
+                self.scan(slice.clone(), &mut least);
+            }
+        }
+        least.into_iter().fold(f64::INFINITY, |a, b| if b < a { b } else { a })
+    }
+}
+
+impl<const D: usize> Closest<'_, D> {
+    #[inline(always)]
+    fn scan<const LANES: usize>(&self, slice: Range<usize>, least: &mut [f64; LANES]) {
+        let axes: [&[f64]; D] = std::array::from_fn(|a| &self.grid.axes[a][slice.clone()]);
+        let squared = |k: usize| {
+            let mut squared = 0.0;
+            for a in 0..D {
+                let difference = axes[a][k] - self.point[a];
+                squared += difference * difference;
+            }
+            squared
+        };
+        let whole = slice.len() / LANES * LANES;
+        for at in (0..whole).step_by(LANES) {
+            for lane in 0..LANES {
+                let squared = squared(at + lane);
+                least[lane] = if squared < least[lane] { squared } else { least[lane] };
+            }
+        }
+        for (k, least) in (whole..slice.len()).zip(least) {
+            let squared = squared(k);
+            *least = if squared < *least { squared } else { *least };
         }
     }
 }
