@@ -272,3 +272,6 @@ fn report(chains: &Chains, left_out: usize) -> Report {
 }
 
 puncta_sdk::register!(Find);
+
+#[cfg(test)]
+mod tests;

@@ -383,3 +383,6 @@ fn first(rows: &[u32], values: &[f64]) -> f64 {
 }
 
 puncta_sdk::register!(Merge);
+
+#[cfg(test)]
+mod tests;

@@ -131,9 +131,16 @@ pub fn spots<'a>(rows: &Rows<'a>, run: &dyn Run) -> Result<Spots<'a>, Cancelled>
     Ok(Spots { order, ..spots })
 }
 
-#[allow(clippy::cast_possible_truncation)]
+/// The nearest whole number; saturates.
+#[inline]
+#[allow(clippy::cast_possible_truncation, clippy::float_cmp)]
 fn frame(t: f64) -> i64 {
-    t.round() as i64
+    let whole = t as i64;
+    if whole as f64 == t {
+        whole
+    } else {
+        t.round() as i64
+    }
 }
 
 fn fill<T: Send + Default + Clone>(
@@ -168,7 +175,7 @@ fn order(rows: &Rows<'_>, run: &dyn Run) -> Option<Vec<u32>> {
     let plain = map(run, count.div_ceil(CHUNK), &|chunk| {
         let from = chunk * CHUNK;
         let to = count.min(from + CHUNK);
-        let sorted = |row: usize| row == 0 || frame(rows.t[row - 1]) <= frame(rows.t[row]);
+        let sorted = |row: usize| row == 0 || rows.t[row - 1] <= rows.t[row];
         (from..to).all(|row| placed(rows, row) && sorted(row))
     });
     if plain.into_iter().all(|one| one) {

@@ -19,7 +19,8 @@ struct Level {
     number: u32,
     /// Largest share of the square of the radius.
     share: f64,
-    cell: f64,
+    /// Cells in a nm.
+    density: f64,
     /// Latest localisation of each bucket.
     heads: Vec<u32>,
     /// Frame of the latest localisation.
@@ -90,7 +91,7 @@ impl<'a> Window<'a> {
                 self.levels.push(Level {
                     number,
                     share,
-                    cell: self.cell.max(2.0 * (2.0 * share).sqrt()),
+                    density: 1.0 / self.cell.max(2.0 * (2.0 * share).sqrt()),
                     heads: vec![NONE; self.buckets],
                     newest: i64::MIN,
                 });
@@ -98,8 +99,8 @@ impl<'a> Window<'a> {
             }
         };
         let level = &mut self.levels[at];
-        let column = (self.spots.x[place] / level.cell).floor();
-        let line = (self.spots.y[place] / level.cell).floor();
+        let column = floor(self.spots.x[place] * level.density);
+        let line = floor(self.spots.y[place] * level.density);
         let bucket = hash(column, line) & (level.heads.len() - 1);
         self.next[place] = level.heads[bucket];
         #[allow(clippy::cast_possible_truncation)]
@@ -136,22 +137,21 @@ impl<'a> Window<'a> {
             let reach = (share + level.share).sqrt() * (1.0 + 1e-9);
             let ends = |at: f64| {
                 let reach = reach + at.abs() * 4.0 * f64::EPSILON;
-                let (low, high) = ((at - reach) / level.cell, (at + reach) / level.cell);
-                (low.floor(), high.floor())
+                let low = floor((at - reach) * level.density);
+                let high = floor((at + reach) * level.density);
+                (low, high.abs_diff(low).saturating_add(1))
             };
-            let ((left, right), (bottom, top)) = (ends(x), ends(y));
+            let ((left, width), (bottom, height)) = (ends(x), ends(y));
             let mut list = List {
                 frames: &self.spots.frames,
                 next: &mut self.next,
                 oldest,
             };
             let mask = level.heads.len() - 1;
-            if (right - left + 1.0) * (top - bottom + 1.0) < level.heads.len() as f64 {
-                // Counted, as adding 1 to a very large number does nothing.
-                let (width, height) = ((right - left) as usize, (top - bottom) as usize);
-                for line in 0..=height {
-                    for column in 0..=width {
-                        let cell = hash(left + column as f64, bottom + line as f64);
+            if width.saturating_mul(height) < level.heads.len() as u64 {
+                for line in 0..height.cast_signed() {
+                    for column in 0..width.cast_signed() {
+                        let cell = hash(left.wrapping_add(column), bottom.wrapping_add(line));
                         list.walk(&mut level.heads[cell & mask], visit);
                     }
                 }
@@ -192,15 +192,21 @@ impl List<'_> {
     }
 }
 
-/// Spreads cells over the buckets. Cells are whole numbers in f64: beyond 2^53 neighbours coincide.
+/// The whole number below; saturates.
 #[inline]
-fn hash(column: f64, line: f64) -> usize {
+fn floor(value: f64) -> i64 {
     #[allow(clippy::cast_possible_truncation)]
-    let (a, b) = (column as i64, line as i64);
-    let mixed = a
+    let whole = value as i64;
+    whole.saturating_sub(i64::from(value < whole as f64))
+}
+
+/// Spreads cells over the buckets.
+#[inline]
+fn hash(column: i64, line: i64) -> usize {
+    let mixed = column
         .cast_unsigned()
         .wrapping_mul(0x9e37_79b9_7f4a_7c15)
-        .wrapping_add(b.cast_unsigned().wrapping_mul(0xc2b2_ae3d_27d4_eb4f));
+        .wrapping_add(line.cast_unsigned().wrapping_mul(0xc2b2_ae3d_27d4_eb4f));
     #[allow(clippy::cast_possible_truncation)]
     let index = (mixed ^ (mixed >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9) >> 32;
     index as usize

@@ -1,4 +1,16 @@
 //! Clusters of localisations and their measures.
+//!
+//! [`cells`] sorts points into a grid, [`density`] is DBSCAN on it. The operations are one file
+//! each.
+
+pub mod cells;
+pub mod columns;
+pub mod dbscan;
+pub mod density;
+pub mod sizes;
+#[cfg(test)]
+mod testing;
+pub mod union;
 
 puncta_sdk::plugin! {
     id: "puncta.cluster",

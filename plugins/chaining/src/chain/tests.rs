@@ -19,10 +19,10 @@ fn brute(set: &Set, radius: Radius<'_>, axial: bool, gap: u64) -> Vec<u32> {
         let now: Vec<usize> = (0..count).filter(|i| spots.frames[*i] == frame).collect();
         let mut pairs = vec![];
         for &new in &now {
-            for old in 0..count {
+            for (old, open) in last.iter().enumerate() {
                 let back = frame - spots.frames[old];
                 let distance = spots.distance(old, new);
-                if back >= 1 && back <= 1 + gap as i64 && last[old] && distance <= 1.0 {
+                if back >= 1 && back <= 1 + gap as i64 && *open && distance <= 1.0 {
                     pairs.push((distance, old, new));
                 }
             }
