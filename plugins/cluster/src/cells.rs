@@ -326,6 +326,12 @@ fn gather(values: &[f64], order: &[u32], run: &dyn Run) -> Vec<f64> {
     out
 }
 
+/// Rows to be sorted by key; then keys and sizes of their cells.
+struct Band<'a> {
+    rows: &'a mut [u32],
+    cells: Vec<(u64, u32)>,
+}
+
 /// Sorts each band by key, then row, and gives the keys and sizes of its cells. Band b ends at
 /// `ends[b]`.
 fn sort_bands(
@@ -335,13 +341,16 @@ fn sort_bands(
     run: &dyn Run,
 ) -> Result<Vec<Vec<(u64, u32)>>, Cancelled> {
     // Several bands a task, so that tasks are of like size.
-    let mut tasks: Vec<Mutex<(&mut [u32], Vec<(u64, u32)>)>> = Vec::new();
+    let mut tasks: Vec<Mutex<Band<'_>>> = Vec::new();
     let (mut rest, mut from) = (order, 0);
     for end in ends {
         let whole = rest.len() == end - from;
         if *end > from && (end - from >= CHUNK || whole) {
             let (part, after) = rest.split_at_mut(end - from);
-            tasks.push(Mutex::new((part, Vec::new())));
+            tasks.push(Mutex::new(Band {
+                rows: part,
+                cells: Vec::new(),
+            }));
             (rest, from) = (after, *end);
         }
     }
@@ -350,7 +359,7 @@ fn sort_bands(
             return;
         }
         let mut task = tasks[task].lock().unwrap_or_else(PoisonError::into_inner);
-        let (part, cells) = &mut *task;
+        let Band { rows: part, cells } = &mut *task;
         let mut pairs: Vec<(u64, u32)> = part.iter().map(|row| (key(*row), *row)).collect();
         pairs.sort_unstable();
         for (slot, (key, row)) in part.iter_mut().zip(&pairs) {
@@ -364,8 +373,10 @@ fn sort_bands(
     if run.cancelled() {
         return Err(Cancelled);
     }
-    let cells = |task: Mutex<(&mut [u32], Vec<(u64, u32)>)>| {
-        task.into_inner().unwrap_or_else(PoisonError::into_inner).1
+    let cells = |task: Mutex<Band<'_>>| {
+        task.into_inner()
+            .unwrap_or_else(PoisonError::into_inner)
+            .cells
     };
     Ok(tasks.into_iter().map(cells).collect())
 }

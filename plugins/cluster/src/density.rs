@@ -158,23 +158,23 @@ impl<const D: usize> Search<'_, D> {
 
     /// Number of points of a run within eps.
     fn count(&self, from: &[f64; D], points: Range<usize>) -> usize {
-        let mut slices = self
-            .cells
-            .at
-            .each_ref()
-            .map(|values| &values[points.clone()]);
         let mut count = 0_usize;
-        let len = points.len();
-        slices
-            .iter_mut()
-            .for_each(|values| *values = &values[..len]);
-        for point in 0..len {
-            let mut sum = 0.0;
-            for axis in 0..D {
-                let d = from[axis] - slices[axis][point];
-                sum += d * d;
+        let [x, y] = [0, 1].map(|axis| &self.cells.at[axis][points.clone()]);
+        // Written out for each number of axes, so that the compiler makes vectors of it.
+        match D {
+            2 => {
+                for (x, y) in x.iter().zip(y) {
+                    let (dx, dy) = (from[0] - x, from[1] - y);
+                    count += usize::from(dx * dx + dy * dy <= self.square);
+                }
             }
-            count += usize::from(sum <= self.square);
+            _ => {
+                let z = &self.cells.at[D - 1][points];
+                for ((x, y), z) in x.iter().zip(y).zip(z) {
+                    let (dx, dy, dz) = (from[0] - x, from[1] - y, from[D - 1] - z);
+                    count += usize::from(dx * dx + dy * dy + dz * dz <= self.square);
+                }
+            }
         }
         count
     }
@@ -292,7 +292,7 @@ impl<const D: usize> Search<'_, D> {
 fn number<const D: usize>(cells: &Cells<D>, core: &[bool], union: &Union) -> (u32, Vec<u32>) {
     let mut first = vec![NONE; cells.count()];
     let mut of_cell = vec![NONE; cells.count()];
-    for cell in 0..cells.count() {
+    for (cell, of_cell) in of_cell.iter_mut().enumerate() {
         let rows = cells
             .points(cell)
             .filter(|p| core[*p])
@@ -302,7 +302,7 @@ fn number<const D: usize>(cells: &Cells<D>, core: &[bool], union: &Union) -> (u3
             first[root] = first[root].min(row);
             #[allow(clippy::cast_possible_truncation)]
             let root = root as u32;
-            of_cell[cell] = root;
+            *of_cell = root;
         }
     }
     let mut roots: Vec<(u32, u32)> = Vec::new();

@@ -5,11 +5,15 @@
 
 pub mod cells;
 pub mod columns;
+pub mod condense;
 pub mod dbscan;
 pub mod density;
+pub mod hdbscan;
 pub mod sizes;
+pub mod spanning;
 #[cfg(test)]
 mod testing;
+pub mod tree;
 pub mod union;
 
 puncta_sdk::plugin! {

@@ -107,7 +107,7 @@ pub fn real(file: &str, columns: [&str; 3]) -> Option<[Vec<f64>; 3]> {
         .map(|name| name.trim_matches('"').to_owned())
         .collect();
     let place = |name: &str| head.iter().position(|known| known == name);
-    let places = columns.map(|name| place(name).or_else(|| name.parse().ok()));
+    let places = columns.map(|name| name.parse().ok().or_else(|| place(name)));
     let mut out = [vec![], vec![], vec![]];
     let headless = head[0].parse::<f64>().is_ok();
     let first = if headless { text.lines().next() } else { None };
