@@ -332,7 +332,7 @@ impl Options {
     pub fn catalogue(&self) -> Result<Catalogue, Failure> {
         let describer = Describer {
             cache: self.cache.clone(),
-            workers: Arc::new(worker::Pool::new(self.program.clone(), 1)),
+            workers: Arc::new(worker::Pool::new(worker::Start::new(self.program.clone()))),
         };
         Ok(Catalogue::scan(
             &self.folders,
