@@ -15,7 +15,7 @@ pub const DEADLY: [(&str, &[&str]); 11] = [
     ("overflow", &[]),
     ("exit_zero", &["exit status 0"]),
     ("exit_three", &["exit status 3"]),
-    ("close", &["connection"]),
+    ("close", &[]),
     ("kill", &["kill"]),
     ("bus", &["bus error"]),
     ("illegal", &["illegal instruction"]),

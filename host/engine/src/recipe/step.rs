@@ -163,7 +163,7 @@ impl<R: Runner> Run<'_, R> {
             key,
         };
         let outputs = self.session.runner.call(&call, job)?;
-        check_outputs::<R>(operation, &outputs)?;
+        check_outputs::<R>(operation, &step.plugin.id, &outputs)?;
         let record = Record {
             operation: step.op.clone(),
             plugin: step.plugin.clone(),
@@ -248,10 +248,12 @@ fn limits<R: Runner>(
 /// A plugin's outputs are not to be trusted to be those of its manifest.
 fn check_outputs<R: Runner>(
     operation: &Operation,
+    plugin: &str,
     outputs: &Outputs<R::Object>,
 ) -> Result<(), Failure> {
     let refuse = |what: String| {
-        let failure = Failure::internal(format!("{} {what}", operation.id));
+        let message = format!("{} of the plugin {plugin} {what}", operation.id);
+        let failure = Failure::internal(message);
         Err(failure.remedy("report it to the plugin's author"))
     };
     for (name, object) in outputs {
