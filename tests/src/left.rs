@@ -33,9 +33,30 @@ fn processes() -> Vec<Process> {
 /// Numbers of the worker processes of this process.
 #[must_use]
 pub fn workers() -> Vec<u32> {
-    let own = std::process::id();
+    workers_of(std::process::id())
+}
+
+/// Whether a process has not ended.
+#[must_use]
+pub fn runs(number: u32) -> bool {
+    let mut all = processes().into_iter();
+    all.any(|one| one.number == number && !one.ended)
+}
+
+/// Processor time that a process used, in ticks of 10 ms.
+#[must_use]
+pub fn ticks(number: u32) -> u64 {
+    let stat = fs::read_to_string(format!("/proc/{number}/stat")).unwrap_or_default();
+    let fields = stat.rsplit_once(')').map_or("", |parts| parts.1);
+    let used = fields.split_whitespace().nth(11);
+    used.and_then(|used| used.parse().ok()).unwrap_or(0)
+}
+
+/// Numbers of the worker processes of a process.
+#[must_use]
+pub fn workers_of(parent: u32) -> Vec<u32> {
     let ours = processes().into_iter();
-    let ours = ours.filter(|one| one.parent == own && !one.ended);
+    let ours = ours.filter(|one| one.parent == parent && !one.ended);
     ours.filter(|one| one.arguments.contains(" worker"))
         .map(|one| one.number)
         .collect()
@@ -43,10 +64,19 @@ pub fn workers() -> Vec<u32> {
 
 /// Ends a process by the signal that cannot be caught.
 pub fn kill(process: u32) {
+    signal(process, rustix::process::Signal::KILL);
+}
+
+/// What Ctrl-C sends.
+pub fn interrupt(process: u32) {
+    signal(process, rustix::process::Signal::INT);
+}
+
+fn signal(process: u32, signal: rustix::process::Signal) {
     let number = i32::try_from(process).ok();
     if let Some(number) = number.and_then(rustix::process::Pid::from_raw) {
         // It may have ended by itself.
-        let _ = rustix::process::kill_process(number, rustix::process::Signal::KILL);
+        let _ = rustix::process::kill_process(number, signal);
     }
 }
 

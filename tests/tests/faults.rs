@@ -3,9 +3,10 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use puncta_engine::documents::FailureCode;
-use puncta_engine::{Cancel, Progress};
+use puncta_engine::engine::Options;
+use puncta_engine::{Cancel, Engine, Isolation, Progress};
 use puncta_tests::faults::{
-    Bench, DEADLY, LEAVING, PHASES, all, has, invocation, operation, pairs, turn,
+    Bench, DEADLY, LEAVING, PHASES, all, bundle, has, invocation, operation, pairs, turn,
 };
 use puncta_tests::{fingerprint, left};
 use serde_json::json;
@@ -99,6 +100,25 @@ fn without_descriptors_the_next_call_has_its_own() {
         }
         bench.stands("fault.descriptors/1", &json!({}), phase);
     });
+    bench.end();
+}
+
+#[test]
+fn memory_beyond_the_limit_costs_its_own_call() {
+    let _turn = turn();
+    let options = Options {
+        isolation: Isolation::Always,
+        worker_memory: 400 << 20,
+        ..bundle().options()
+    };
+    let bench = Bench::with(Engine::open(options).unwrap());
+    all(PHASES, |phase| {
+        let text = bench.sentence("memory", phase);
+        let words = ["test.fault", "fault.memory/1", "more memory than", "0.4 GB"];
+        has(&text, &words, phase);
+    });
+    let drop = json!({"phase": "drop"});
+    bench.stands("fault.memory/1", &drop, "memory in drop");
     bench.end();
 }
 
