@@ -71,7 +71,7 @@ fn run(arguments: Vec<OsString>, early: &Early) -> Result<Ended, Failure> {
         watch: Arc::new(watch),
         json: cli.global.json,
     };
-    tell_of_crashes(&context)?;
+    tell_of_crashes(&context);
     let matches = matches.subcommand().map(|(_, matches)| matches);
     commands::run(
         &context,
@@ -81,18 +81,20 @@ fn run(arguments: Vec<OsString>, early: &Early) -> Result<Ended, Failure> {
 }
 
 /// Says once that earlier sessions ended inside a plugin.
-fn tell_of_crashes(context: &Context) -> Result<(), Failure> {
-    let news: Vec<String> = context
-        .engine
-        .crashes()
-        .filter(|crash| !crash.told)
-        .map(|crash| crash.sentence())
-        .collect();
-    if context.watch.quiet() || news.is_empty() {
-        return Ok(());
+fn tell_of_crashes(context: &Context) {
+    let Context { engine, watch, .. } = context;
+    if let Some(failure) = engine.crash_trouble() {
+        watch.note(&failure.to_string());
     }
-    news.iter().for_each(|text| context.watch.note(text));
-    context.engine.told_of_crashes()
+    let news = engine.crashes().filter(|crash| !crash.told);
+    let news: Vec<String> = news.map(|crash| crash.sentence()).collect();
+    if watch.quiet() || news.is_empty() {
+        return;
+    }
+    news.iter().for_each(|text| watch.note(text));
+    if let Err(failure) = engine.told_of_crashes() {
+        watch.note(&failure.to_string());
+    }
 }
 
 /// Without a command: what there is.

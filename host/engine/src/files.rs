@@ -32,6 +32,47 @@ pub fn folder_of(path: &Path) -> &Path {
     }
 }
 
+/// Refuses a path below `folder` that leads out of it through a symbolic link. The last part may be
+/// a link: files are put in its place, not written through it.
+///
+/// # Errors
+/// A sentence that names the link.
+pub fn check_below(folder: &Path, path: &Path) -> Result<(), Failure> {
+    let refuse = |place: &Path| {
+        let (path, place) = (path.display(), place.display());
+        let message = format!("cannot write {path}: {place} is a link out of the output folder");
+        Err(Failure::new(puncta_documents::FailureCode::Io, message)
+            .remedy("remove the link, or choose another folder with --out"))
+    };
+    let Ok(inside) = path.strip_prefix(folder) else {
+        return refuse(path);
+    };
+    // In a folder that is not there are no links.
+    let Ok(root) = folder_or_here(folder).canonicalize() else {
+        return Ok(());
+    };
+    let mut place = folder.to_path_buf();
+    for part in inside.parent().into_iter().flat_map(Path::components) {
+        place.push(part);
+        match place.canonicalize() {
+            Ok(real) if real.starts_with(&root) => {}
+            Ok(_) => return refuse(&place),
+            // It leads nowhere, and would once somebody made its target.
+            Err(_) if place.is_symlink() => return refuse(&place),
+            Err(_) => return Ok(()),
+        }
+    }
+    Ok(())
+}
+
+fn folder_or_here(folder: &Path) -> &Path {
+    if folder.as_os_str().is_empty() {
+        Path::new(".")
+    } else {
+        folder
+    }
+}
+
 /// Temporary files are private; what the person asked for has the usual permissions.
 #[cfg(unix)]
 fn make_public(path: &Path) {
@@ -116,6 +157,41 @@ impl Staging {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[cfg(unix)]
+    #[test]
+    fn links_do_not_lead_out_of_a_folder() {
+        use std::os::unix::fs::symlink;
+        let place = tempfile::tempdir().unwrap();
+        let out = place.path().join("out");
+        fs::create_dir_all(out.join("real/deep")).unwrap();
+        symlink(place.path(), out.join("up")).unwrap();
+        symlink("real", out.join("inside")).unwrap();
+        symlink(place.path().join("nowhere"), out.join("dangling")).unwrap();
+        symlink(place.path().join("x"), out.join("file.csv")).unwrap();
+        for good in [
+            "a.csv",
+            "new/a.csv",
+            "real/a.csv",
+            "inside/deep/a.csv",
+            "file.csv",
+        ] {
+            assert!(check_below(&out, &out.join(good)).is_ok(), "{good}");
+        }
+        for bad in [
+            "up/a.csv",
+            "up/out/a.csv",
+            "inside/../up/a.csv",
+            "dangling/a.csv",
+        ] {
+            let sentence = check_below(&out, &out.join(bad));
+            // Through the link and back is out as well, as far as the first step goes.
+            let sentence = sentence.unwrap_err().to_string();
+            assert!(sentence.contains("is a link out of"), "{bad}: {sentence}");
+        }
+        assert!(check_below(&out, place.path()).is_err());
+        assert!(check_below(&place.path().join("none"), &place.path().join("none/a")).is_ok());
+    }
 
     #[test]
     fn a_file_is_whole_or_not_there() {

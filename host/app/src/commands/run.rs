@@ -10,6 +10,7 @@ use puncta_engine::Object;
 use puncta_engine::Progress;
 use puncta_engine::documents::{Failure, FailureCode};
 use puncta_engine::engine::{Steps, lineage};
+use puncta_engine::files::check_below;
 use puncta_engine::provenance::InputRecord;
 use puncta_engine::recipe::{
     self, Checked, CheckedInput, CheckedOutput, Inputs, Limits, Problem, Recipe, RunReport,
@@ -59,7 +60,19 @@ pub fn run(context: &Context, run: &Run) -> Result<Ended, Failure> {
 type Outcome = (String, Result<Saved, Failure>);
 
 fn load(path: &Path) -> Result<Recipe, Failure> {
-    let bytes = std::fs::read(path).map_err(|error| Failure::io("read", path, &error))?;
+    use std::io::Read;
+    let failed = |error: std::io::Error| Failure::io("read", path, &error);
+    let file = std::fs::File::open(path).map_err(failed)?;
+    let most = recipe::MAX_TEXT as u64;
+    let mut bytes = Vec::new();
+    file.take(most + 1)
+        .read_to_end(&mut bytes)
+        .map_err(failed)?;
+    if bytes.len() as u64 > most {
+        let (path, most) = (path.display(), most >> 20);
+        let message = format!("{path} is no recipe, since it is larger than {most} MB");
+        return Err(Failure::bad_file(message).remedy("name the recipe's file"));
+    }
     let text = String::from_utf8(bytes).map_err(|error| {
         let before = error
             .as_bytes()
@@ -196,6 +209,7 @@ fn targets<'a>(
     let mut targets: Vec<(&CheckedOutput, PathBuf)> = Vec::new();
     for output in &plan.outputs {
         let path = run.out.join(output_path(&output.file, &first)?);
+        check_below(&run.out, &path)?;
         if path.parent().is_some_and(Path::is_dir) {
             check_target(&path, run.overwrite)?;
         }
@@ -298,6 +312,8 @@ fn write(
             let source = output
                 .source
                 .ok_or_else(|| Failure::internal("an output of nothing"))?;
+            // Again, since the steps took their time.
+            check_below(&run.out, path)?;
             let folder = puncta_engine::files::folder_of(path);
             std::fs::create_dir_all(folder).map_err(|error| Failure::io("make", folder, &error))?;
             let writer = output.writer.as_ref().map(|writer| writer.id.as_str());

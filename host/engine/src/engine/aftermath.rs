@@ -8,9 +8,14 @@ use puncta_documents::Failure;
 use std::sync::Arc;
 
 impl Options {
-    pub(super) fn crashes(&self) -> Result<Crashes, Failure> {
-        let state = self.state.as_deref();
-        state.map_or_else(|| Ok(Crashes::default()), crashes::look)
+    /// What is known of earlier sessions, and why no more.
+    pub(super) fn crashes(&self) -> (Crashes, Option<Failure>) {
+        match self.state.as_deref().map(crashes::look) {
+            None => (Crashes::default(), None),
+            Some(Ok(crashes)) => (crashes, None),
+            // Records of crashes must not keep anybody from working.
+            Some(Err(failure)) => (Crashes::default(), Some(failure)),
+        }
     }
 }
 
@@ -22,6 +27,12 @@ impl Engine {
             let mut plugins = self.catalogue.plugins().iter();
             plugins.any(|one| &one.packed.hash == hash).then_some(crash)
         })
+    }
+
+    /// Why nothing is known of earlier sessions, if that is so.
+    #[must_use]
+    pub fn crash_trouble(&self) -> Option<&Failure> {
+        self.crash_trouble.as_ref()
     }
 
     /// Whether sessions ended inside a plugin so often that it runs in a worker.

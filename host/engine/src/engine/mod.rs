@@ -118,6 +118,7 @@ pub struct Engine {
     /// As they were when the engine was opened.
     settings: Settings,
     crashes: Crashes,
+    crash_trouble: Option<Failure>,
     /// Marks of the calls in this process; made with the first one.
     sentinel: OnceLock<Option<Arc<Sentinel>>>,
     options: Options,
@@ -149,6 +150,7 @@ impl Engine {
                 )
             })?;
         let settings = options.settings()?;
+        let (crashes, crash_trouble) = options.crashes();
         let workers = Arc::new(worker::Pool::new(worker::Start {
             program: options.program.clone(),
             threads,
@@ -160,7 +162,8 @@ impl Engine {
         };
         Ok(Engine {
             catalogue: Catalogue::scan(&options.folders, &settings, &describer),
-            crashes: options.crashes()?,
+            crashes,
+            crash_trouble,
             sentinel: OnceLock::new(),
             settings,
             workers,
