@@ -1,5 +1,24 @@
 //! Estimates and corrects the drift of the sample.
 
+pub mod anderson;
+pub mod bins;
+pub mod cloud;
+pub mod coarse;
+pub mod correction;
+pub mod curve;
+pub mod displacement;
+pub mod entropy;
+pub mod estimate;
+pub mod grid;
+pub mod least_entropy;
+pub mod network;
+pub mod operations;
+pub mod pairs;
+pub mod smooth;
+pub mod sort;
+#[cfg(test)]
+mod testing;
+
 puncta_sdk::plugin! {
     id: "puncta.drift",
     title: "Drift",

@@ -1,0 +1,121 @@
+//! The whole method of least entropy: coarse start, refinement, two halves, smoothing.
+
+use puncta_sdk::{Failure, Run};
+
+use crate::bins::Bins;
+use crate::cloud::{Cloud, hash};
+use crate::coarse;
+use crate::entropy::refine;
+use crate::estimate::{Estimate, Trials, combine, note};
+
+/// Most localisations that take part in the refinement: more would change the result by less than
+/// its error.
+const MOST: usize = 500_000;
+/// Least localisations of a table.
+pub const LEAST: usize = 200;
+/// Localisations of a bin: at most, and at least where there are enough for [`BINS`] bins.
+const PER_BIN: [f64; 2] = [10_000.0, 100.0];
+/// Bins of a small table, and the most of a large one.
+const BINS: [f64; 2] = [50.0, 2000.0];
+
+/// What the person may choose.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Largest displacement between two bins that is looked for, nm.
+    pub reach: f64,
+    /// Segments of the coarse start.
+    pub segments: usize,
+    /// Duration of a bin; chosen from the number of localisations if None.
+    pub bin: Option<f64>,
+    /// Seed of the halves and subsets.
+    pub seed: u64,
+}
+
+/// Bins for a cloud: as long as asked for, or with enough localisations to be placed well.
+pub fn bins(cloud: &Cloud, bin: Option<f64>) -> Bins {
+    match bin {
+        Some(span) => Bins::by_span(cloud, span, 1.0),
+        None => {
+            let count = cloud.len() as f64;
+            let target = (count / BINS[0]).clamp(PER_BIN[1], PER_BIN[0]);
+            Bins::by_count(cloud, target.max(count / BINS[1]))
+        }
+    }
+}
+
+/// Refuses a cloud that is too small.
+///
+/// # Errors
+/// A sentence for the person.
+pub fn check(cloud: &Cloud) -> Result<(), Failure> {
+    let (count, times) = (cloud.len(), cloud.times.len());
+    if count < LEAST || times < 2 {
+        let message = format!(
+            "{count} localisations with a position and a time, at {times} different times, are too \
+             few to estimate a drift"
+        );
+        let remedy = format!("give at least {LEAST} over several frames, or use fiducials");
+        return Err(Failure::bad_input(message).remedy(remedy));
+    }
+    Ok(())
+}
+
+/// Estimates the drift.
+///
+/// # Errors
+/// When the localisations are too few or show no structure that repeats; or cancelled.
+pub fn estimate(cloud: &Cloud, settings: &Settings, run: &dyn Run) -> Result<Estimate, Failure> {
+    check(cloud)?;
+    let seed = settings.seed;
+    run.progress(0.0, "correlating segments")?;
+    let segments = settings.segments.min(cloud.len() / 50).max(3);
+    let start = coarse::segments(cloud, settings.reach, segments, hash(1, seed), run)?;
+    let bins = bins(cloud, settings.bin);
+    run.progress(0.0, "placing bins")?;
+    let drift = coarse::bins(
+        cloud,
+        &bins,
+        &start.curve,
+        settings.reach,
+        hash(2, seed),
+        run,
+    )?;
+    let refine = |cloud: &Cloud| refine(cloud, &bins.of_frame, &drift, MOST, hash(4, seed), run);
+    let cloud = &cloud.thinned(MOST, hash(3, seed));
+    let whole = refine(cloud)?;
+    let half = |which| refine(&cloud.half(hash(5, seed), which));
+    let halves = [half(false)?, half(true)?];
+    let mut estimate = combine(&bins, Trials { whole, halves }, cloud.axes, Vec::new());
+    let [pairs, used] = start.pairs.map(|count| count as f64);
+    estimate.notes = vec![
+        note(
+            "bins",
+            bins.len() as f64,
+            "1",
+            "Bins of time whose drift was estimated",
+        ),
+        note(
+            "segments",
+            segments as f64,
+            "1",
+            "Segments of the coarse start",
+        ),
+        note(
+            "pairs",
+            pairs,
+            "1",
+            "Pairs of segments that were correlated",
+        ),
+        note(
+            "pairs_used",
+            used,
+            "1",
+            "Pairs that showed a peak and agreed with the others",
+        ),
+    ];
+    for values in [&mut estimate.curve.values, &mut estimate.error] {
+        values.iter_mut().for_each(|v| v[2] *= cloud.z_scale);
+    }
+    estimate.rms[2] *= cloud.z_scale;
+    Ok(estimate)
+}
