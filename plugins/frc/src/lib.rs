@@ -2,11 +2,13 @@
 
 pub mod crossing;
 pub mod curve;
+pub mod decorrelation;
 pub mod grid;
 mod operations;
 pub mod points;
 pub mod smooth;
 pub mod split;
+pub mod spurious;
 pub mod window;
 
 puncta_sdk::plugin! {

@@ -13,6 +13,14 @@ pub(crate) struct Summary {
     pub(crate) caption: String,
     /// Further values of the report: name, value, unit, description.
     pub(crate) values: Vec<(&'static str, f64, &'static str, String)>,
+    pub(crate) corrected: Option<Corrected>,
+}
+
+/// The curve without the correlation by repeats of molecules.
+pub(crate) struct Corrected {
+    /// Repeats of a localisation, on average.
+    pub(crate) q: f64,
+    pub(crate) curve: Curve,
 }
 
 /// The outputs that all operations of this plugin share.
@@ -29,16 +37,17 @@ pub(crate) fn outputs(info: Info) -> Info {
 
 /// Gives everything.
 pub(crate) fn emit(job: &Job, curve: &Curve, summary: &Summary) -> Result<(), Failure> {
-    table(job, curve, summary.name)?;
+    table(job, curve, summary)?;
     let found = Threshold::ALL.map(|threshold| (threshold, curve.resolution(threshold)));
     figure(job, curve, summary, &found)?;
     report(job, curve, summary, &found)
 }
 
-fn table(job: &Job, curve: &Curve, name: &str) -> Result<(), Failure> {
+fn table(job: &Job, curve: &Curve, summary: &Summary) -> Result<(), Failure> {
+    let name = summary.name;
     let [low, high] = curve.band();
     let smooth = format!("{name}_smooth");
-    let columns: [(&str, &str, Vec<f64>, &str); 12] = [
+    let mut columns: Vec<(&str, &str, Vec<f64>, &str)> = vec![
         ("frequency", "1/nm", curve.frequency(), "Spatial frequency"),
         (
             name,
@@ -97,6 +106,15 @@ fn table(job: &Job, curve: &Curve, name: &str) -> Result<(), Failure> {
             "Mean power of the second half",
         ),
     ];
+    if let Some(corrected) = &summary.corrected {
+        let values = corrected.curve.smooth.values.clone();
+        columns.push((
+            "corrected",
+            "1",
+            values,
+            "Smoothed, without repeats of molecules",
+        ));
+    }
     let infos = columns
         .iter()
         .map(|(name, unit, _, text)| ColumnInfo::new(*name, Element::F64, *unit).description(*text))
@@ -130,6 +148,9 @@ fn figure(
     .with(of("1/7", "line", "one_seventh"))
     .with(of("half bit", "line", "half_bit"))
     .with(of("3 sigma", "line", "three_sigma"));
+    if summary.corrected.is_some() {
+        figure = figure.with(of("without repeats", "line", "corrected"));
+    }
     let (_, at) = found[0];
     if at.value.is_finite() {
         let label = format!("{:.4} nm", at.value);
@@ -181,6 +202,15 @@ fn report(
         let value = report.number(&name, found.value, "nm");
         value.interval = Some(found.interval.map(puncta_sdk::documents::number::to_value));
         value.description = Some(text);
+    }
+    if let Some(Corrected { q, curve }) = &summary.corrected {
+        let found = curve.resolution(Threshold::OneSeventh);
+        let value = report.number("resolution_corrected", found.value, "nm");
+        value.interval = Some(found.interval.map(puncta_sdk::documents::number::to_value));
+        let text = format!("threshold 1/7, without repeats. {}", sentence(curve, found));
+        value.description = Some(text);
+        let text = "Q: how often a localisation's molecule is found again, on average";
+        report.number("repeats", *q, "1").description = Some(text.into());
     }
     let mut add = |name: &str, value: f64, unit: &str, text: &str| {
         report.number(name, value, unit).description = Some(text.into());

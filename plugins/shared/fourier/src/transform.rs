@@ -3,8 +3,7 @@
 use crate::passes::{LINES, Plan, gather, go_on, scratch, transform, transpose_and_transform};
 use crate::{Complex, Real};
 use puncta_sdk::run::{Cancelled, Run, chunks_mut};
-use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
-use rustfft::FftPlanner;
+use realfft::{ComplexToReal, RealToComplex};
 use std::sync::Arc;
 
 /// Fills a row (counted through all planes) and says whether any number of it is not zero.
@@ -18,11 +17,9 @@ struct Across<T> {
 
 impl<T: Real> Across<T> {
     fn new(depth: usize, height: usize) -> Across<T> {
-        let mut planner = FftPlanner::new();
-        let mut both = |n: usize| [planner.plan_fft_forward(n), planner.plan_fft_inverse(n)];
         Across {
-            y: both(height),
-            z: (depth > 1).then(|| both(depth)),
+            y: T::complex_plans(height),
+            z: (depth > 1).then(|| T::complex_plans(depth)),
         }
     }
 
@@ -78,11 +75,11 @@ impl<T: Real> RealFft<T> {
     #[must_use]
     pub fn new(size: [usize; 3]) -> RealFft<T> {
         let size = size.map(|n| n.max(1));
-        let mut planner = RealFftPlanner::new();
+        let (forward, inverse) = T::real_plans(size[2]);
         RealFft {
             size,
-            forward: planner.plan_fft_forward(size[2]),
-            inverse: planner.plan_fft_inverse(size[2]),
+            forward,
+            inverse,
             across: Across::new(size[0], size[1]),
         }
     }
@@ -221,13 +218,9 @@ impl<T: Real> ComplexFft<T> {
     #[must_use]
     pub fn new(size: [usize; 3]) -> ComplexFft<T> {
         let size = size.map(|n| n.max(1));
-        let mut planner = FftPlanner::new();
         ComplexFft {
             size,
-            x: [
-                planner.plan_fft_forward(size[2]),
-                planner.plan_fft_inverse(size[2]),
-            ],
+            x: T::complex_plans(size[2]),
             across: Across::new(size[0], size[1]),
         }
     }

@@ -1,22 +1,6 @@
+use super::super::testing::{Random, text, value};
 use super::*;
-use puncta_testkit::{Call, Done, Table as Rows};
-
-/// Random numbers from a seed.
-struct Random(u64);
-
-impl Random {
-    fn unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
-    }
-    fn normal(&mut self) -> f64 {
-        let radius = (-2.0 * (1.0 - self.unit()).ln()).sqrt();
-        radius * (std::f64::consts::TAU * self.unit()).cos()
-    }
-}
+use puncta_testkit::{Call, Table as Rows};
 
 /// `repeats` localisations with error `sigma` of each of `emitters` emitters at random places.
 fn emitters(emitters: usize, repeats: usize, sigma: f64, side: f64, seed: u64) -> [Vec<f64>; 4] {
@@ -46,21 +30,6 @@ fn frc(rows: &[Vec<f64>; 4]) -> Call {
     call.set("pixel_size", 5)
         .set("split", "random")
         .set("repeats", 3)
-}
-
-fn value(done: &Done, name: &str) -> f64 {
-    let report = done
-        .documents
-        .iter()
-        .find(|d| d.get("values").is_some())
-        .unwrap();
-    let values = report["values"].as_array().unwrap();
-    let found = values.iter().find(|v| v["name"] == name).unwrap();
-    found["value"].as_f64().unwrap_or(f64::NAN)
-}
-
-fn text(done: &Done) -> String {
-    done.documents.iter().map(ToString::to_string).collect()
 }
 
 /// Emitters at random places with m localisations each: the expected correlation is
@@ -301,4 +270,65 @@ fn frames_in_any_order_with_long_gaps_and_missing_values() {
     assert_eq!(value(&done, "invalid"), 151.0);
     assert!(value(&done, "units") > 5000.0);
     assert!(value(&done, "resolution").is_finite());
+}
+
+/// Molecules in clouds of standard deviation 100 nm, each found m times with error sigma.
+fn clouds(molecules: usize, m: usize, sigma: f64, seed: u64) -> [Vec<f64>; 4] {
+    let mut random = Random(seed);
+    let mut out = [vec![], vec![], vec![], vec![]];
+    let clouds: Vec<[f64; 2]> = (0..100)
+        .map(|_| [random.unit() * 5000.0, random.unit() * 5000.0])
+        .collect();
+    for _ in 0..molecules {
+        let cloud = clouds[(random.unit() * 100.0) as usize];
+        let centre = cloud.map(|c| c + 100.0 * random.normal());
+        for _ in 0..m {
+            out[0].push(centre[0] + sigma * random.normal());
+            out[1].push(centre[1] + sigma * random.normal());
+            out[2].push((random.unit() * 10_000.0).floor());
+        }
+    }
+    out
+}
+
+#[test]
+fn repeats_are_estimated_and_taken_out() {
+    let with_errors = |rows: &[Vec<f64>; 4], sigma: f64| {
+        let errors = vec![sigma; rows[0].len()];
+        let table = table(rows)
+            .f64("error_x", "nm", &errors)
+            .f64("error_y", "nm", &errors);
+        let call = Call::of::<Table>()
+            .input("table", table)
+            .set("pixel_size", 5);
+        call.set("split", "random")
+            .set("repeats", 5)
+            .set("spurious", true)
+            .run()
+            .unwrap()
+    };
+    // Random places: nothing is left. Each localisation has m - 1 others of its molecule.
+    for m in [4, 10] {
+        let done = with_errors(&emitters(6000, m, 10.0, 5000.0, 31), 10.0);
+        let truth = m as f64 - 1.0;
+        let found = value(&done, "repeats");
+        assert!((found / truth - 1.0).abs() < 0.1, "{found} {truth}");
+        assert!(value(&done, "resolution").is_finite());
+        assert!(
+            value(&done, "resolution_corrected").is_nan(),
+            "{}",
+            text(&done)
+        );
+    }
+    // Clouds: their own coarse resolution is left.
+    let done = with_errors(&clouds(10_000, 5, 10.0, 32), 10.0);
+    let found = value(&done, "repeats");
+    assert!((found / 4.0 - 1.0).abs() < 0.1, "{found}");
+    assert!(value(&done, "resolution") < 50.0);
+    let corrected = value(&done, "resolution_corrected");
+    assert!((150.0..400.0).contains(&corrected), "{corrected}");
+    let bare = frc(&emitters(9, 9, 1.0, 900.0, 1))
+        .set("spurious", true)
+        .prepare();
+    assert!(bare.unwrap_err().to_string().contains("no column error_x"));
 }
