@@ -11,7 +11,26 @@ use serde_json::{Value, json};
 type Case = (&'static str, &'static str, &'static str, &'static str);
 
 /// The cases, by operation.
-pub const CALLS: &[Case] = &[];
+pub const CALLS: &[Case] = &[
+    (
+        "frc_58844",
+        "puncta.frc.table/1",
+        r#"{"pixel_size": 10, "split": "random", "repeats": 1, "x_min": 15000, "x_max": 25000, "y_min": 15000, "y_max": 25000}"#,
+        "sim_1000000_locs.hdf5",
+    ),
+    (
+        "frc_1000000_40um",
+        "puncta.frc.table/1",
+        r#"{"pixel_size": 10, "split": "random_blocks", "repeats": 1}"#,
+        "sim_1000000_locs.hdf5",
+    ),
+    (
+        "nena_1000000",
+        "puncta.precision.nena/1",
+        "{}",
+        "sim_1000000_locs.hdf5",
+    ),
+];
 
 /// Runs a case of [`CALLS`]. Its digest: the rows of each output and the numbers of each report.
 pub fn run(case: &Case, engine: &Engine) -> Figure {

@@ -1,0 +1,8 @@
+//! The operations.
+
+mod frames;
+mod nena;
+mod photons;
+#[cfg(test)]
+mod testing;
+mod theory;
