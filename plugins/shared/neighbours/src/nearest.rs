@@ -280,7 +280,9 @@ impl<const D: usize> WithSimd for Closest<'_, D> {
                 self.scan(slice.clone(), &mut least);
             }
         }
-        least.into_iter().fold(f64::INFINITY, |a, b| if b < a { b } else { a })
+        least
+            .into_iter()
+            .fold(f64::INFINITY, |a, b| if b < a { b } else { a })
     }
 }
 
@@ -300,7 +302,11 @@ impl<const D: usize> Closest<'_, D> {
         for at in (0..whole).step_by(LANES) {
             for lane in 0..LANES {
                 let squared = squared(at + lane);
-                least[lane] = if squared < least[lane] { squared } else { least[lane] };
+                least[lane] = if squared < least[lane] {
+                    squared
+                } else {
+                    least[lane]
+                };
             }
         }
         for (k, least) in (whole..slice.len()).zip(least) {
