@@ -2,7 +2,7 @@
 #![cfg(target_os = "linux")]
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-use puncta_tests::{Bundle, build_folder, left, program};
+use puncta_tests::{Bundle, left};
 use serde_json::Value;
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
@@ -20,15 +20,10 @@ fn bundle() -> &'static Bundle {
 }
 
 fn command(folder: &Path, arguments: &[&str]) -> Command {
-    let mut command = Command::new(program());
+    let mut command = bundle().command();
     command
-        .arg("--plugins")
-        .arg(bundle().path().join("plugins"))
         .args(arguments)
         .current_dir(folder)
-        .env("PUNCTA_CACHE", build_folder().join("puncta-test-cache"))
-        .env("XDG_CONFIG_HOME", folder)
-        .env_remove("PUNCTA_PLUGIN_PATH")
         .stdin(Stdio::null());
     command
 }
