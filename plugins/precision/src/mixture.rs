@@ -105,13 +105,13 @@ pub fn guess(sorted: &[f64]) -> Option<f64> {
         .skip(start.saturating_sub(1))
         .find(|d| **d > 0.0)?;
     let last = *sorted.last()?;
-    let (mut r, mut least, mut best) = (*first, f64::INFINITY, *first);
+    let (mut r, mut least, mut best, mut chance) = (*first, f64::INFINITY, *first, 1.0);
     while r < last {
         let count = below(r).max(1) as f64;
         let growth = below(2.0 * r) as f64 / count;
         if growth < least {
-            (least, best) = (growth, r);
-        } else if growth * (1.0 - 3.0 / count.sqrt()) > 1.15 * least {
+            (least, best, chance) = (growth, r, 1.0 + 3.0 / count.sqrt());
+        } else if growth * (1.0 - 3.0 / count.sqrt()) > 1.15 * least * chance {
             break;
         }
         r *= 1.05;

@@ -110,7 +110,7 @@ impl Operation for Shell {
                     .description("The other half; the table is not split then"),
             );
         outputs(info)
-            .example(json!({"voxel_size": 20, "repeats": 2}))
+            .example(json!({"voxel_size": 5, "repeats": 2}))
             .example_input("table", "puncta.synthetic.membrane/1", json!({}))
     }
 

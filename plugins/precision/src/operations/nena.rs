@@ -19,7 +19,7 @@ pub struct Nena {
     #[param(min = 1e-6, max = 1e9, unit = "nm")]
     longest: Option<f64>,
     /// Resampled histograms for the interval.
-    #[param(default = 200, min = 20, max = 10000, advanced)]
+    #[param(default = 100, min = 20, max = 10000, advanced)]
     resamples: u64,
     /// Seed of the resampling.
     #[param(default = 1, advanced)]
@@ -55,7 +55,7 @@ impl Operation for Nena {
             .example_input(
                 "table",
                 "puncta.synthetic.membrane/1",
-                json!({"copies": 4, "frames": 2000}),
+                json!({"copies": 4, "frames": 500}),
             )
     }
 
