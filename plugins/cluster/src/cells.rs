@@ -66,35 +66,7 @@ impl<const D: usize> Cells<D> {
         let bits = if D == 2 { 30 } else { 21 };
         let axes = axes(at, sides, bits)?;
         run.progress(0.0, "sorting into cells")?;
-        let count = at[0].len();
-        let finite = |row: usize| at.iter().all(|values| values[row].is_finite());
-        let top = (0..count)
-            .filter(|row| finite(*row))
-            .map(|row| axes[1].cell(at[1][row]));
-        let band_lines = top.max().unwrap_or(0) / BANDS + 1;
-        #[allow(clippy::cast_possible_truncation)]
-        let band = |row: usize| (axes[1].cell(at[1][row]) / band_lines) as usize;
-        let mut ends = vec![0_usize; BANDS as usize + 2];
-        for row in 0..count {
-            poll(row, run)?;
-            if finite(row) {
-                ends[band(row) + 1] += 1;
-            }
-        }
-        for k in 1..ends.len() {
-            ends[k] += ends[k - 1];
-        }
-        let mut order = vec![0_u32; ends[BANDS as usize + 1]];
-        for row in 0..count {
-            poll(row, run)?;
-            if finite(row) {
-                let end = &mut ends[band(row)];
-                #[allow(clippy::cast_possible_truncation)]
-                let small = row as u32;
-                order[*end] = small;
-                *end += 1;
-            }
-        }
+        let (mut order, ends) = by_bands(at, &axes[1], run)?;
         let key = |row: u32| {
             let cell = |axis: usize| axes[axis].cell(at[axis][row as usize]);
             match D {
@@ -313,6 +285,45 @@ fn axes<const D: usize>(at: [&[f64]; D], sides: [f64; D], bits: i32) -> Result<[
         axis.low = low;
     }
     Ok(axes)
+}
+
+/// The rows with a finite position by bands of y, and the end of each band.
+fn by_bands<const D: usize>(
+    at: [&[f64]; D],
+    axis: &Axis,
+    run: &dyn Run,
+) -> Result<(Vec<u32>, Vec<usize>), Cancelled> {
+    let count = at[0].len();
+    let finite = |row: usize| at.iter().all(|values| values[row].is_finite());
+    let top = (0..count)
+        .filter(|row| finite(*row))
+        .map(|row| axis.cell(at[1][row]));
+    let lines = top.max().unwrap_or(0) / BANDS + 1;
+    #[allow(clippy::cast_possible_truncation)]
+    let band = |row: usize| (axis.cell(at[1][row]) / lines) as usize;
+    let mut ends = vec![0_usize; BANDS as usize + 2];
+    for row in 0..count {
+        poll(row, run)?;
+        if finite(row) {
+            ends[band(row) + 1] += 1;
+        }
+    }
+    for k in 1..ends.len() {
+        ends[k] += ends[k - 1];
+    }
+    // Now where each band begins; afterwards where it ends.
+    let mut order = vec![0_u32; ends[BANDS as usize + 1]];
+    for row in 0..count {
+        poll(row, run)?;
+        if finite(row) {
+            let end = &mut ends[band(row)];
+            #[allow(clippy::cast_possible_truncation)]
+            let small = row as u32;
+            order[*end] = small;
+            *end += 1;
+        }
+    }
+    Ok((order, ends))
 }
 
 fn gather(values: &[f64], order: &[u32], run: &dyn Run) -> Vec<f64> {
