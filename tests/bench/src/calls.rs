@@ -29,6 +29,46 @@ pub const CALLS: &[Case] = &[
         "puncta.precision.nena/1",
         "{}",
         "sim_1000000_locs.hdf5",
+        "link_1000000",
+        "puncta.chaining.find/1",
+        r#"{"radius": 40, "gap": 1}"#,
+        "sim_1000000.csv",
+    ),
+    (
+        "link_1000000_combined",
+        "puncta.chaining.find/1",
+        "{}",
+        "sim_1000000.csv",
+    ),
+    (
+        "link_10000000",
+        "puncta.chaining.find/1",
+        r#"{"radius": 40, "gap": 1}"#,
+        "sim_10000000.csv",
+    ),
+    (
+        "dbscan_1000000_eps20_min10",
+        "puncta.cluster.dbscan/1",
+        r#"{"eps": 20, "min_points": 10}"#,
+        "sim_1000000.csv",
+    ),
+    (
+        "dbscan_10000000_eps8_min10",
+        "puncta.cluster.dbscan/1",
+        r#"{"eps": 8, "min_points": 10}"#,
+        "sim_10000000.csv",
+    ),
+    (
+        "hdbscan_100000_min10",
+        "puncta.cluster.hdbscan/1",
+        r#"{"min_size": 10}"#,
+        "sim_100000.csv",
+    ),
+    (
+        "tessellation_1000000",
+        "puncta.cluster.tessellation/1",
+        "{}",
+        "sim_1000000.csv",
     ),
 ];
 

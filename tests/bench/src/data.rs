@@ -9,6 +9,8 @@ use std::path::PathBuf;
 /// The product's plugins and the test plugin.
 pub fn bundle() -> Bundle {
     Bundle::of(&[
+        "puncta_plugin_chaining",
+        "puncta_plugin_cluster",
         "puncta_plugin_filter",
         "puncta_plugin_hdf5",
         "puncta_plugin_render",
