@@ -6,10 +6,12 @@
 pub mod chain;
 pub mod columns;
 pub mod compatible;
+pub mod estimate;
 pub mod find;
 pub mod merge;
 pub mod merged;
 
+pub mod pairs;
 pub mod spots;
 #[cfg(test)]
 mod testing;
