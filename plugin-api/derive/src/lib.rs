@@ -11,7 +11,8 @@
 //!
 //! Attributes of a field: `default = <expression>` (else it must be given, or is null if the type is
 //! an `Option`), `min`, `max`, `unit`, `label`, `input` (the port of a column) and `advanced`. The
-//! doc comment is the help text.
+//! doc comment is the help text. `flatten` puts the parameters of a field whose type derives `Params`
+//! itself in the field's place, so that operations can share them.
 
 use proc_macro::TokenStream;
 use proc_macro2::TokenStream as Tokens;
@@ -66,7 +67,10 @@ fn derive_params(input: &DeriveInput) -> syn::Result<Tokens> {
     Ok(quote! {
         impl ::puncta_sdk::Params for #name {
             fn schema() -> ::std::vec::Vec<::puncta_sdk::documents::Parameter> {
-                ::std::vec![#(#schema),*]
+                #[allow(unused_mut)]
+                let mut all = ::std::vec::Vec::new();
+                #(#schema)*
+                all
             }
             fn from_values(
                 values: &::puncta_sdk::documents::Map,
@@ -87,8 +91,13 @@ fn parameter(field: &Field) -> syn::Result<(Tokens, Tokens)> {
     let type_ = &field.ty;
     let help = docs(&field.attrs);
     let mut settings = Vec::new();
+    let mut flatten = false;
     for attribute in field.attrs.iter().filter(|a| a.path().is_ident("param")) {
         attribute.parse_nested_meta(|meta| {
+            if meta.path.is_ident("flatten") {
+                flatten = true;
+                return Ok(());
+            }
             if meta.path.is_ident("advanced") {
                 settings.push(quote!(parameter.advanced = true;));
                 return Ok(());
@@ -117,17 +126,23 @@ fn parameter(field: &Field) -> syn::Result<(Tokens, Tokens)> {
                     parameter.#key = ::std::option::Option::Some(#value.into());
                 });
             } else {
-                return Err(meta.error("there are default, min, max, unit, label, input, advanced"));
+                return Err(meta
+                    .error("there are default, min, max, unit, label, input, advanced, flatten"));
             }
             Ok(())
         })?;
     }
-    let schema = quote! {{
+    if flatten {
+        let schema = quote!(all.extend(<#type_ as ::puncta_sdk::Params>::schema()););
+        let read = quote!(#ident: <#type_ as ::puncta_sdk::Params>::from_values(values)?);
+        return Ok((schema, read));
+    }
+    let schema = quote! {
         let mut parameter = <#type_ as ::puncta_sdk::FromValue>::parameter(#name);
         parameter.help = #help.into();
         #(#settings)*
-        parameter
-    }};
+        all.push(parameter);
+    };
     let read = quote!(#ident: ::puncta_sdk::params::read(values, #name)?);
     Ok((schema, read))
 }

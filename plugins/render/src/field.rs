@@ -29,19 +29,50 @@ impl Field {
     }
 }
 
-/// The field of view that the person asks for, in nm. A bound that is None comes from the data.
+/// The grid of a 3D image.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Volume {
+    /// Each of its slices.
+    pub plane: Field,
+    /// Slices.
+    pub z: Axis,
+}
+
+impl Volume {
+    /// Number of voxels.
+    pub fn voxels(&self) -> usize {
+        self.plane.pixels().saturating_mul(self.z.count())
+    }
+}
+
+/// The field of view that the person asks for: low and high edges in nm. A bound that is None comes
+/// from the data.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Bounds {
-    /// Low edge in x.
-    pub x_min: Option<f64>,
-    /// High edge in x.
-    pub x_max: Option<f64>,
-    /// Low edge in y.
-    pub y_min: Option<f64>,
-    /// High edge in y.
-    pub y_max: Option<f64>,
+    /// Edges in x.
+    pub x: [Option<f64>; 2],
+    /// Edges in y.
+    pub y: [Option<f64>; 2],
+    /// Edges in z; without meaning for a plane.
+    pub z: [Option<f64>; 2],
     /// Added on each side that comes from the data.
     pub margin: f64,
+}
+
+/// What an image may take.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Room {
+    /// Bytes of the image.
+    pub budget: u64,
+    /// Bytes of a pixel with all its channels.
+    pub pixel_bytes: u64,
+}
+
+impl Room {
+    /// Most pixels of a channel.
+    fn pixels(&self) -> f64 {
+        (self.budget / self.pixel_bytes.max(1)).min(u64::from(u32::MAX)) as f64
+    }
 }
 
 /// The smallest and largest finite values of `values`.
@@ -101,41 +132,70 @@ fn finite_or_empty(v: f64) -> (f64, f64) {
 /// The grid for `bounds`, with what they leave open taken from the extents of the positions.
 ///
 /// An axis with both bounds open lies on the absolute grid of multiples of `pixel_size`; one with a
-/// low bound starts exactly there. `budget` is in bytes, `pixel_bytes` is the memory of a pixel.
+/// low bound starts exactly there.
 ///
 /// # Errors
 /// When the pixel size or a bound cannot be used, when there is no finite position to take a bound
-/// from, and when the image would exceed the budget (it names the pixel size that would fit).
+/// from, and when the image would exceed the room (it names the pixel size that would fit).
 pub fn field(
     bounds: &Bounds,
     pixel_size: f64,
-    x: Extent,
-    y: Extent,
-    budget: u64,
-    pixel_bytes: u64,
+    [x, y]: [Extent; 2],
+    room: &Room,
 ) -> Result<Field, Failure> {
-    let positive = pixel_size > 0.0 && pixel_size.is_finite();
-    if !positive {
-        let message = format!("the pixel size is {pixel_size} nm");
-        return Err(
-            Failure::bad_parameter("pixel_size", message).remedy("give a positive number of nm")
-        );
+    let field = plane(bounds, pixel_size, [x, y])?;
+    if field.x.count() as f64 * field.y.count() as f64 > room.pixels() {
+        return Err(too_large(&[&field.y, &field.x], room));
     }
+    Ok(field)
+}
+
+/// As [`field`], for voxels of `pixel_size` in x and y and `voxel_z` in z.
+///
+/// # Errors
+/// As [`field`].
+pub fn volume(
+    bounds: &Bounds,
+    pixel_size: f64,
+    voxel_z: f64,
+    [x, y, z]: [Extent; 3],
+    room: &Room,
+) -> Result<Volume, Failure> {
+    let plane = plane(bounds, pixel_size, [x, y])?;
+    positive("voxel_z", voxel_z)?;
+    let z = axis("z", bounds.z, z, voxel_z, bounds.margin)?;
+    let volume = Volume { plane, z };
+    if plane.x.count() as f64 * plane.y.count() as f64 * z.count() as f64 > room.pixels() {
+        return Err(too_large(&[&z, &plane.y, &plane.x], room));
+    }
+    Ok(volume)
+}
+
+fn positive(name: &str, size: f64) -> Result<(), Failure> {
+    if size > 0.0 && size.is_finite() {
+        return Ok(());
+    }
+    let what = if name == "voxel_z" {
+        "voxel size in z"
+    } else {
+        "pixel size"
+    };
+    let message = format!("the {what} is {size} nm");
+    Err(Failure::bad_parameter(name, message).remedy("give a positive number of nm"))
+}
+
+fn plane(bounds: &Bounds, pixel_size: f64, [x, y]: [Extent; 2]) -> Result<Field, Failure> {
+    positive("pixel_size", pixel_size)?;
     let margin = bounds.margin;
     if !(margin >= 0.0 && margin.is_finite()) {
         let message = format!("the margin is {margin} nm");
         return Err(Failure::bad_parameter("margin", message)
             .remedy("give zero or a positive number of nm"));
     }
-    let field = Field {
-        x: axis("x", [bounds.x_min, bounds.x_max], x, pixel_size, margin)?,
-        y: axis("y", [bounds.y_min, bounds.y_max], y, pixel_size, margin)?,
-    };
-    let bytes = field.x.count() as f64 * field.y.count() as f64 * pixel_bytes as f64;
-    if bytes > budget as f64 || field.pixels() > u32::MAX as usize {
-        return Err(too_large(&field, pixel_size, bytes, budget, pixel_bytes));
-    }
-    Ok(field)
+    Ok(Field {
+        x: axis("x", bounds.x, x, pixel_size, margin)?,
+        y: axis("y", bounds.y, y, pixel_size, margin)?,
+    })
 }
 
 fn axis(
@@ -181,44 +241,63 @@ fn axis(
             "the field of view from {low} to {high} nm in {name} has more pixels of {size} nm than \
              can be numbered"
         );
-        Failure::bad_parameter("pixel_size", message)
-            .remedy("use larger pixels or give closer bounds")
+        let parameter = if name == "z" { "voxel_z" } else { "pixel_size" };
+        Failure::bad_parameter(parameter, message).remedy("use larger pixels or give closer bounds")
     })
 }
 
-fn too_large(field: &Field, size: f64, bytes: f64, budget: u64, pixel_bytes: u64) -> Failure {
-    let (w, h) = (field.x.count() as f64 * size, field.y.count() as f64 * size);
+/// Refuses an image of these axes (z first, x last) with the sizes that would fit.
+fn too_large(axes: &[&Axis], room: &Room) -> Failure {
     let gib = |b: f64| b / f64::from(1 << 30);
     // Two more pixels per axis, since the low corner moves to a multiple of the new size.
-    let pixels = (budget / pixel_bytes).min(u64::from(u32::MAX)) as f64;
-    let fits = |p: f64| ((w / p).ceil() + 2.0) * ((h / p).ceil() + 2.0) <= pixels;
-    let mut fit = (w * h / pixels).sqrt().max(size);
+    let count = |axis: &Axis, by: f64| (axis.count() as f64 / by).ceil() + 2.0;
+    let fits = |by: f64| axes.iter().map(|axis| count(axis, by)).product::<f64>() <= room.pixels();
+    let pixels: f64 = axes.iter().map(|axis| axis.count() as f64).product();
+    let mut by = (pixels / room.pixels())
+        .powf(1.0 / axes.len() as f64)
+        .max(1.0);
     let mut steps = 0;
-    while !fits(fit) && steps < 5000 {
-        fit *= 1.01;
+    while !fits(by) && steps < 5000 {
+        by *= 1.01;
         steps += 1;
     }
-    let scale = 10_f64.powf(fit.log10().floor() - 2.0);
-    let fit = format!("{:.6}", (fit / scale).ceil() * scale);
-    let fit = fit.trim_end_matches('0').trim_end_matches('.');
-    let (columns, rows) = (field.x.count(), field.y.count());
+    let round = |fit: f64| {
+        let scale = 10_f64.powf(fit.log10().floor() - 2.0);
+        let fit = format!("{:.6}", (fit / scale).ceil() * scale);
+        fit.trim_end_matches('0').trim_end_matches('.').to_owned()
+    };
+    let counts: Vec<String> = axes
+        .iter()
+        .rev()
+        .map(|axis| axis.count().to_string())
+        .collect();
+    let sizes = match axes {
+        [z, _, x] => format!(
+            "a pixel size of {} nm and a voxel size in z of {} nm or more",
+            round(x.size() * by),
+            round(z.size() * by)
+        ),
+        _ => format!("a pixel size of {} nm or more", round(axes[0].size() * by)),
+    };
     Failure::new(
         FailureCode::Resources,
         format!(
-            "the image would have {columns} x {rows} pixels ({:.1} GiB) and the limit is {:.1} GiB",
-            gib(bytes),
-            gib(budget as f64)
+            "the image would have {} pixels ({:.1} GiB) and the limit is {:.1} GiB",
+            counts.join(" x "),
+            gib(pixels * room.pixel_bytes as f64),
+            gib(room.budget as f64)
         ),
     )
     .parameter("pixel_size")
     .remedy(format!(
-        "use a pixel size of {fit} nm or more, or give bounds for a smaller field of view"
+        "use {sizes}, or give bounds for a smaller field of view"
     ))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::ROOM;
     use puncta_testkit::Threads;
 
     fn auto(margin: f64) -> Bounds {
@@ -247,10 +326,8 @@ mod tests {
         let f = field(
             &auto(0.0),
             10.0,
-            Some((12.0, 58.0)),
-            Some((-3.0, -3.0)),
-            IMAGE_BYTES,
-            4,
+            [Some((12.0, 58.0)), Some((-3.0, -3.0))],
+            &ROOM,
         )
         .unwrap();
         assert_eq!(
@@ -258,33 +335,17 @@ mod tests {
             (10.0, 5, -10.0, 1)
         );
         let b = Bounds {
-            x_min: Some(3.0),
+            x: [Some(3.0), None],
             ..Bounds::default()
         };
-        let f = field(
-            &b,
-            10.0,
-            Some((12.0, 53.0)),
-            Some((0.0, 5.0)),
-            IMAGE_BYTES,
-            4,
-        )
-        .unwrap();
+        let f = field(&b, 10.0, [Some((12.0, 53.0)), Some((0.0, 5.0))], &ROOM).unwrap();
         assert_eq!((f.x.origin(), f.x.count()), (3.0, 6));
         let b = Bounds {
-            x_max: Some(40.0),
+            x: [None, Some(40.0)],
             margin: 5.0,
             ..Bounds::default()
         };
-        let f = field(
-            &b,
-            10.0,
-            Some((12.0, 53.0)),
-            Some((0.0, 5.0)),
-            IMAGE_BYTES,
-            4,
-        )
-        .unwrap();
+        let f = field(&b, 10.0, [Some((12.0, 53.0)), Some((0.0, 5.0))], &ROOM).unwrap();
         assert_eq!((f.x.origin(), f.x.count()), (0.0, 4));
         assert_eq!((f.y.origin(), f.y.count()), (-10.0, 3));
     }
@@ -292,47 +353,40 @@ mod tests {
     #[test]
     fn a_bound_below_all_data_is_refused() {
         let b = Bounds {
-            x_max: Some(4.0),
+            x: [None, Some(4.0)],
             ..Bounds::default()
         };
-        let e = field(
-            &b,
-            10.0,
-            Some((12.0, 53.0)),
-            Some((0.0, 5.0)),
-            IMAGE_BYTES,
-            4,
-        )
-        .unwrap_err();
+        let e = field(&b, 10.0, [Some((12.0, 53.0)), Some((0.0, 5.0))], &ROOM).unwrap_err();
         assert_eq!(e.parameter.as_deref(), Some("x_max"), "{e}");
-        let e = field(&auto(0.0), 10.0, None, Some((0.0, 5.0)), IMAGE_BYTES, 4).unwrap_err();
+        let e = field(&auto(0.0), 10.0, [None, Some((0.0, 5.0))], &ROOM).unwrap_err();
         assert!(e.to_string().contains("finite x"), "{e}");
         for size in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             assert!(
                 field(
                     &auto(0.0),
                     size,
-                    Some((0.0, 1.0)),
-                    Some((0.0, 1.0)),
-                    IMAGE_BYTES,
-                    4
+                    [Some((0.0, 1.0)), Some((0.0, 1.0))],
+                    &ROOM
                 )
                 .is_err()
             );
         }
         let b = Bounds {
-            y_max: Some(f64::NAN),
+            y: [None, Some(f64::NAN)],
             ..Bounds::default()
         };
-        assert!(field(&b, 1.0, Some((0.0, 1.0)), Some((0.0, 1.0)), IMAGE_BYTES, 4).is_err());
+        assert!(field(&b, 1.0, [Some((0.0, 1.0)), Some((0.0, 1.0))], &ROOM).is_err());
     }
 
     #[test]
     fn the_named_pixel_size_fits() {
         for (wide, high) in [(1e6, 1e6), (4e7, 10.0), (123_456.0, 98.0), (1e11, 1e3)] {
             let (x, y) = (Some((0.5, wide)), Some((-high, 0.25)));
-            let budget = 1 << 24;
-            let e = field(&auto(0.0), 0.5, x, y, budget, 4).unwrap_err();
+            let room = Room {
+                budget: 1 << 24,
+                pixel_bytes: 4,
+            };
+            let e = field(&auto(0.0), 0.5, [x, y], &room).unwrap_err();
             let e = e.to_string();
             let size: f64 = e
                 .split("pixel size of ")
@@ -343,14 +397,46 @@ mod tests {
                 .unwrap()
                 .parse()
                 .unwrap();
-            assert!(field(&auto(0.0), size, x, y, budget, 4).is_ok(), "{e}");
+            assert!(field(&auto(0.0), size, [x, y], &room).is_ok(), "{e}");
             // Not much too coarse either, where both sides have many pixels.
             if high > 90.0 && wide < 1e9 {
-                assert!(
-                    field(&auto(0.0), size * 0.9, x, y, budget, 4).is_err(),
-                    "{e}"
-                );
+                assert!(field(&auto(0.0), size * 0.9, [x, y], &room).is_err(), "{e}");
             }
         }
+    }
+
+    #[test]
+    fn a_volume_has_the_planes_grid_and_the_named_sizes_fit() {
+        let (x, y, z) = (
+            Some((12.0, 58.0)),
+            Some((-3.0, -3.0)),
+            Some((-260.0, 240.0)),
+        );
+        let v = volume(&auto(0.0), 10.0, 50.0, [x, y, z], &ROOM).unwrap();
+        assert_eq!(v.plane, field(&auto(0.0), 10.0, [x, y], &ROOM).unwrap());
+        assert_eq!((v.z.origin(), v.z.count(), v.voxels()), (-300.0, 11, 55));
+        let room = Room {
+            budget: 1 << 22,
+            pixel_bytes: 8,
+        };
+        let wide = [Some((0.0, 1e5)), Some((0.0, 3e4)), z];
+        let e = volume(&auto(0.0), 10.0, 20.0, wide, &room)
+            .unwrap_err()
+            .to_string();
+        let sizes: Vec<f64> = e
+            .split(" of ")
+            .skip(1)
+            .filter_map(|part| part.split(" nm").next().and_then(|n| n.parse().ok()))
+            .collect();
+        assert!(
+            volume(&auto(0.0), sizes[0], sizes[1], wide, &room).is_ok(),
+            "{e}"
+        );
+        for size in [0.0, f64::NAN] {
+            let e = volume(&auto(0.0), 10.0, size, [x, y, z], &ROOM).unwrap_err();
+            assert_eq!(e.parameter.as_deref(), Some("voxel_z"));
+        }
+        let e = volume(&auto(0.0), 10.0, 10.0, [x, y, None], &ROOM).unwrap_err();
+        assert!(e.to_string().contains("finite z"), "{e}");
     }
 }

@@ -1,14 +1,12 @@
 //! The operation `puncta.render.gaussian/1`.
 
-use crate::field::Bounds;
-use crate::gaussian2d::{ROUND_ROWS, gaussian2d};
-use crate::output::{check, header, view, warn_invalid};
+use crate::channels::{self, Want};
+use crate::gaussian2d::{ROUND_ROWS, Rendered, gaussian2d};
+use crate::output::{Entry, check, header, render, view, warn_invalid};
+use crate::parameters::{Channels, Window};
 use crate::spots::{Gaussians, Sigma};
-use puncta_sdk::documents::{Read, units};
 use puncta_sdk::prelude::*;
 use puncta_sdk::serde_json::json;
-use puncta_sdk::{Input, operation::default_plan};
-use std::borrow::Cow;
 
 /// Renders each localisation as a Gaussian of its precision.
 #[derive(Params)]
@@ -33,89 +31,56 @@ pub struct Gaussian {
     /// Smallest standard deviation: smaller ones are raised to it.
     #[param(default = 0, min = 0, max = 1e9, unit = "nm", advanced)]
     sigma_min: f64,
-    /// Low edge of the image in x; from the data if left out.
-    #[param(unit = "nm")]
-    x_min: Option<f64>,
-    /// High edge of the image in x; from the data if left out.
-    #[param(unit = "nm")]
-    x_max: Option<f64>,
-    /// Low edge of the image in y; from the data if left out.
-    #[param(unit = "nm")]
-    y_min: Option<f64>,
-    /// High edge of the image in y; from the data if left out.
-    #[param(unit = "nm")]
-    y_max: Option<f64>,
-    /// Added on each side whose edge comes from the data.
-    #[param(default = 0, min = 0, max = 1e9, unit = "nm", advanced)]
-    margin: f64,
-}
-
-/// A column of standard deviations, and the factor that brings it to nm.
-struct SigmaColumn<'a> {
-    name: &'a str,
-    factor: f64,
+    /// The field of view.
+    #[param(flatten)]
+    window: Window,
+    /// The channels.
+    #[param(flatten)]
+    channels: Channels,
 }
 
 impl Gaussian {
-    fn bounds(&self) -> Bounds {
-        let &Gaussian {
-            x_min,
-            x_max,
-            y_min,
-            y_max,
-            margin,
-            ..
-        } = self;
-        Bounds {
-            x_min,
-            x_max,
-            y_min,
-            y_max,
-            margin,
+    /// Positions, then widths unless one is given for all, then the weight.
+    fn wants(&self, header: &Header) -> Result<Vec<Want>, Failure> {
+        let mut all: Vec<Want> = ["x", "y"].map(Want::position).into();
+        if self.sigma.is_none() {
+            all.extend(widths(header, &self.sigma_x, &self.sigma_y));
         }
-    }
-
-    /// The columns of standard deviations; None with one for all. A table with an error in x only
-    /// uses that in y too.
-    fn sigma_columns<'a>(
-        &'a self,
-        header: &Header,
-    ) -> Result<Option<[SigmaColumn<'a>; 2]>, Failure> {
-        if self.sigma.is_some() {
-            return Ok(None);
-        }
-        let find = |parameter: &str, name: &'a str| {
-            let info = header.column(name).ok_or_else(|| {
-                let message = format!("there is no column {name} in {}", header.name);
-                Failure::bad_input(message)
-                    .parameter(parameter)
-                    .remedy(format!(
-                        "name a column in {parameter}, or give one width for all in sigma"
-                    ))
-            })?;
-            let factor = units::conversion(&info.unit, "nm").map_err(|why| {
-                Failure::bad_input(format!("column {name} cannot be a width: {why}"))
-                    .parameter(parameter)
-            })?;
-            Ok::<_, Failure>(SigmaColumn { name, factor })
-        };
-        let x = find("sigma_x", &self.sigma_x)?;
-        let only_x = header.column(&self.sigma_y).is_none() && *self.sigma_y == *"error_y";
-        let y = find(
-            "sigma_y",
-            if only_x { &self.sigma_x } else { &self.sigma_y },
-        )?;
-        Ok(Some([x, y]))
+        let weight = self.weight.as_ref();
+        all.extend(weight.map(|name| Want::named(name, "weight", None)));
+        Ok(all)
     }
 }
 
-/// Standard deviations of a column in nm.
-fn in_nm<'a>(table: &Input<'a>, column: &SigmaColumn<'_>) -> Result<Cow<'a, [f64]>, Failure> {
-    let mut values = table.f64(column.name)?;
-    if column.factor != 1.0 {
-        values.to_mut().iter_mut().for_each(|v| *v *= column.factor);
-    }
-    Ok(values)
+/// The columns of widths in x and y. A table with an error in x only uses that in y too.
+pub(crate) fn widths(header: &Header, x: &str, y: &str) -> [Want; 2] {
+    let only_x = header.column(y).is_none() && y == "error_y";
+    [
+        Want::named(x, "sigma_x", Some("nm")),
+        Want::named(if only_x { x } else { y }, "sigma_y", Some("nm")),
+    ]
+}
+
+/// What the report tells of a channel.
+pub(crate) fn entries(rendered: &Rendered) -> Vec<Entry> {
+    vec![
+        (
+            "rendered",
+            rendered.rendered as f64,
+            "Rows that give something to the image",
+        ),
+        (
+            "outside",
+            rendered.outside as f64,
+            "Rows of which nothing falls in the field of view",
+        ),
+        (
+            "invalid",
+            rendered.invalid as f64,
+            "Rows without a finite position, width and weight, left out",
+        ),
+        ("sum", rendered.sum, "Sum of the image"),
+    ]
 }
 
 impl Operation for Gaussian {
@@ -132,7 +97,12 @@ impl Operation for Gaussian {
                  finite position, width and weight, and rows with a negative width, are left out \
                  and counted in the report.",
             )
-            .input(Ports::table("table").column("x", "nm").column("y", "nm"))
+            .input(
+                Ports::table("table")
+                    .column("x", "nm")
+                    .column("y", "nm")
+                    .many(),
+            )
             .output(Ports::image("image").description("Sum per pixel, 32-bit float"))
             .output(Ports::report("report").description("Rows rendered, outside and left out"))
             .cite("Smith et al., Nature Methods 7, 373 (2010), equation 1")
@@ -141,89 +111,56 @@ impl Operation for Gaussian {
     }
 
     fn prepare(&self, request: &Request) -> Result<Plan, Failure> {
-        check(request, &self.bounds(), self.pixel_size)?;
-        let mut plan = default_plan::<Self>(request);
-        let Some(input) = request.inputs.first() else {
-            return Ok(plan);
-        };
-        let mut names = vec!["x".to_owned(), "y".to_owned()];
-        if let Some(columns) = self.sigma_columns(&input.header)? {
-            names.extend(columns.iter().map(|c| c.name.to_owned()));
-        }
-        if let Some(weight) = &self.weight {
-            if input.header.column(weight).is_none() {
-                let message = format!("there is no column {} in {}", weight.0, input.header.name);
-                return Err(Failure::bad_input(message)
-                    .parameter("weight")
-                    .remedy("name another, or leave it out"));
-            }
-            names.push(weight.0.clone());
-        }
-        let mut seen = std::collections::BTreeSet::new();
-        names.retain(|name| seen.insert(name.clone()));
-        plan.read = vec![Read {
-            input: 0,
-            part: 0,
-            columns: names,
-        }];
-        // Sorted localisations of a round, and a tile for each thread.
-        plan.memory = input.header.rows().min(ROUND_ROWS as u64) * 96 + (64 << 20);
-        Ok(plan)
+        let count = channels::count(request, &self.channels);
+        check(request, &self.window.bounds(), self.pixel_size, count)?;
+        let rows = request
+            .inputs
+            .iter()
+            .map(|input| input.header.rows())
+            .sum::<u64>();
+        Ok(Plan {
+            read: channels::reads(request, &self.channels, |header| self.wants(header))?,
+            // Sorted localisations of a round, and a tile for each thread.
+            memory: rows.min(ROUND_ROWS as u64) * 96 + (64 << 20),
+            interruptible: true,
+            ..Plan::default()
+        })
     }
 
     fn run(&self, job: &Job) -> Result<(), Failure> {
-        let table = job.input("table")?;
-        let (x, y) = (table.f64("x")?, table.f64("y")?);
-        let field = view(job, &self.bounds(), self.pixel_size, &x, &y)?;
-        let columns = self.sigma_columns(table.header())?;
-        let columns = columns
-            .map(|[x, y]| Ok::<_, Failure>((in_nm(&table, &x)?, in_nm(&table, &y)?)))
-            .transpose()?;
+        let channels = channels::load(job, &self.channels, |header| self.wants(header))?;
+        let field = view(job, &self.window.bounds(), self.pixel_size, &channels, 0)?;
+        let header = header(&field, "gaussian", "1", &channels);
         let fixed = Sigma::Fixed(self.sigma.unwrap_or(0.0));
-        let (sigma_x, sigma_y) = match &columns {
-            Some((x, y)) => (Sigma::Column(x), Sigma::Column(y)),
-            None => (fixed, fixed),
-        };
-        let weight = self
-            .weight
-            .as_ref()
-            .map(|name| table.f64(name))
-            .transpose()?;
-        let spots = Gaussians {
-            x: &x,
-            y: &y,
-            sigma_x,
-            sigma_y,
-            weight: weight.as_deref(),
-            sigma_min: self.sigma_min,
-            scale: if columns.is_some() { self.scale } else { 1.0 },
-        };
-        let mut image = job.begin("image", header(&field, "gaussian", "1"))?;
-        image.commit(0, field.pixels() as u64)?;
-        let rendered = gaussian2d(&spots, &field, image.f32_mut("value")?, job)?;
-        image.finish()?;
-        warn_invalid(job, rendered.invalid, x.len(), "finite position and width");
-        let mut report = Report::new("report");
-        let mut add = |name: &str, value: f64, text: &str| {
-            report.number(name, value, "1").description = Some(text.into());
-        };
-        add(
-            "rendered",
-            rendered.rendered as f64,
-            "Rows that give something to the image",
-        );
-        add(
-            "outside",
-            rendered.outside as f64,
-            "Rows of which nothing falls in the field of view",
-        );
-        add(
-            "invalid",
-            rendered.invalid as f64,
-            "Rows without a finite position, width and weight, left out",
-        );
-        add("sum", rendered.sum, "Sum of the image");
-        job.report(&report)
+        render(job, header, &channels, |channel, out, run| {
+            let columns = &channel.columns;
+            let (sigma_x, sigma_y) = match self.sigma {
+                None => (Sigma::Column(&columns[2]), Sigma::Column(&columns[3])),
+                Some(_) => (fixed, fixed),
+            };
+            let weight = self.weight.as_ref().and_then(|_| columns.last());
+            let spots = Gaussians {
+                x: &columns[0],
+                y: &columns[1],
+                sigma_x,
+                sigma_y,
+                weight: weight.map(|column| &**column),
+                sigma_min: self.sigma_min,
+                scale: if self.sigma.is_none() {
+                    self.scale
+                } else {
+                    1.0
+                },
+            };
+            let rendered = gaussian2d(&spots, &field, out, run)?;
+            warn_invalid(
+                job,
+                rendered.invalid,
+                columns[0].len(),
+                "finite position and width",
+            );
+            Ok(entries(&rendered))
+        })
     }
 }
 

@@ -102,6 +102,12 @@ impl Axis {
         self.offset + self.low
     }
 
+    /// Number of pixel 0 on the grid that the axis lies on: counted from 0 nm without a given bound,
+    /// 0 where the axis starts at a bound.
+    pub fn first(&self) -> i64 {
+        self.first as i64
+    }
+
     /// Size of a pixel in nm.
     pub fn size(&self) -> f64 {
         self.size

@@ -1,9 +1,9 @@
 //! The operation `puncta.render.histogram/1`.
 
-use crate::field::Bounds;
-use crate::histogram2d::histogram2d;
-use crate::output::{check, header, view, warn_invalid};
-use puncta_sdk::operation::default_plan;
+use crate::channels::{self, Want};
+use crate::histogram2d::{Counted, histogram2d};
+use crate::output::{Entry, check, header, render, view, warn_invalid};
+use crate::parameters::{Channels, Window};
 use puncta_sdk::prelude::*;
 use puncta_sdk::serde_json::json;
 
@@ -13,41 +13,34 @@ pub struct Histogram {
     /// Side of a pixel.
     #[param(default = 10, min = 1e-6, max = 1e9, unit = "nm")]
     pixel_size: f64,
-    /// Low edge of the image in x; from the data if left out.
-    #[param(unit = "nm")]
-    x_min: Option<f64>,
-    /// High edge of the image in x; from the data if left out.
-    #[param(unit = "nm")]
-    x_max: Option<f64>,
-    /// Low edge of the image in y; from the data if left out.
-    #[param(unit = "nm")]
-    y_min: Option<f64>,
-    /// High edge of the image in y; from the data if left out.
-    #[param(unit = "nm")]
-    y_max: Option<f64>,
-    /// Added on each side whose edge comes from the data.
-    #[param(default = 0, min = 0, max = 1e9, unit = "nm", advanced)]
-    margin: f64,
+    /// The field of view.
+    #[param(flatten)]
+    window: Window,
+    /// The channels.
+    #[param(flatten)]
+    channels: Channels,
 }
 
-impl Histogram {
-    fn bounds(&self) -> Bounds {
-        let &Histogram {
-            x_min,
-            x_max,
-            y_min,
-            y_max,
-            margin,
-            ..
-        } = self;
-        Bounds {
-            x_min,
-            x_max,
-            y_min,
-            y_max,
-            margin,
-        }
-    }
+/// The columns of a table.
+fn wants(_: &Header) -> Result<Vec<Want>, Failure> {
+    Ok(["x", "y"].map(Want::position).into())
+}
+
+/// What the report tells of a channel.
+pub(crate) fn entries(counted: &Counted) -> Vec<Entry> {
+    vec![
+        ("inside", counted.inside as f64, "Rows counted in a pixel"),
+        (
+            "outside",
+            counted.outside as f64,
+            "Rows outside the field of view",
+        ),
+        (
+            "invalid",
+            counted.invalid as f64,
+            "Rows without a finite position, left out",
+        ),
+    ]
 }
 
 impl Operation for Histogram {
@@ -61,7 +54,12 @@ impl Operation for Histogram {
                  of different tables fit onto each other. A pixel holds its low edges. Rows \
                  without a finite position are left out and counted in the report.",
             )
-            .input(Ports::table("table").column("x", "nm").column("y", "nm"))
+            .input(
+                Ports::table("table")
+                    .column("x", "nm")
+                    .column("y", "nm")
+                    .many(),
+            )
             .output(Ports::image("image").description("Localisations per pixel, 32-bit float"))
             .output(Ports::report("report").description("Rows inside, outside and left out"))
             .example(json!({"pixel_size": 20}))
@@ -69,38 +67,32 @@ impl Operation for Histogram {
     }
 
     fn prepare(&self, request: &Request) -> Result<Plan, Failure> {
-        check(request, &self.bounds(), self.pixel_size)?;
-        let mut plan = default_plan::<Self>(request);
+        let count = channels::count(request, &self.channels);
+        check(request, &self.window.bounds(), self.pixel_size, count)?;
         let rows = request
             .inputs
-            .first()
-            .map_or(0, |input| input.header.rows());
-        // Sorted pixel numbers of a round, and a tile for each thread.
-        plan.memory = rows.min(1 << 24) * 8 + (8 << 20);
-        Ok(plan)
+            .iter()
+            .map(|input| input.header.rows())
+            .sum::<u64>();
+        Ok(Plan {
+            read: channels::reads(request, &self.channels, wants)?,
+            // Sorted pixel numbers of a round, and a tile for each thread.
+            memory: rows.min(1 << 24) * 8 + (8 << 20),
+            interruptible: true,
+            ..Plan::default()
+        })
     }
 
     fn run(&self, job: &Job) -> Result<(), Failure> {
-        let table = job.input("table")?;
-        let (x, y) = (table.f64("x")?, table.f64("y")?);
-        let field = view(job, &self.bounds(), self.pixel_size, &x, &y)?;
-        let mut image = job.begin("image", header(&field, "histogram", "1"))?;
-        image.commit(0, field.pixels() as u64)?;
-        let counted = histogram2d(&x, &y, &field, image.f32_mut("value")?, job)?;
-        image.finish()?;
-        warn_invalid(job, counted.invalid, x.len(), "finite position");
-        let mut report = Report::new("report");
-        let mut add = |name: &str, value: u64, text: &str| {
-            report.number(name, value as f64, "1").description = Some(text.into());
-        };
-        add("inside", counted.inside, "Rows counted in a pixel");
-        add("outside", counted.outside, "Rows outside the field of view");
-        add(
-            "invalid",
-            counted.invalid,
-            "Rows without a finite position, left out",
-        );
-        job.report(&report)
+        let channels = channels::load(job, &self.channels, wants)?;
+        let field = view(job, &self.window.bounds(), self.pixel_size, &channels, 0)?;
+        let header = header(&field, "histogram", "1", &channels);
+        render(job, header, &channels, |channel, out, run| {
+            let (x, y) = (&channel.columns[0], &channel.columns[1]);
+            let counted = histogram2d(x, y, &field, out, run)?;
+            warn_invalid(job, counted.invalid, x.len(), "finite position");
+            Ok(entries(&counted))
+        })
     }
 }
 

@@ -1,12 +1,14 @@
-//! Localisations counted per pixel.
+//! Localisations counted per pixel or voxel.
 //!
 //! A scatter of single counts into an image larger than the cache waits for memory at each row.
 //! Here each chunk of rows is first sorted by bands of pixel rows (counting sort, in cache), then
 //! each band is counted in a tile of its own that fits in the cache and is written to the image
 //! once. Counts are whole numbers, so that order and threads do not matter.
 
-use crate::field::Field;
+use crate::field::{Field, Volume};
+use crate::grid::Axis;
 use puncta_sdk::{Cancelled, Run};
+use std::ops::Range;
 use std::sync::Mutex;
 
 /// Rows that one sorting task takes.
@@ -37,6 +39,35 @@ struct Sorted {
     counted: Counted,
 }
 
+/// Positions in nm. The shortest column decides.
+#[derive(Clone, Copy)]
+struct Points<'a> {
+    x: &'a [f64],
+    y: &'a [f64],
+    /// Depths, and their axis.
+    z: Option<(&'a [f64], Axis)>,
+}
+
+impl<'a> Points<'a> {
+    fn rows(&self) -> usize {
+        let z = self.z.map_or(usize::MAX, |(z, _)| z.len());
+        self.x.len().min(self.y.len()).min(z)
+    }
+
+    fn part(&self, rows: Range<usize>) -> Points<'a> {
+        Points {
+            x: &self.x[rows.clone()],
+            y: &self.y[rows.clone()],
+            z: self.z.map(|(z, axis)| (&z[rows], axis)),
+        }
+    }
+
+    fn finite(&self, i: usize) -> bool {
+        let z = self.z.is_none_or(|(z, _)| z[i].is_finite());
+        self.x[i].is_finite() && self.y[i].is_finite() && z
+    }
+}
+
 struct Layout<'a> {
     field: &'a Field,
     /// log2 of the pixel rows in a band.
@@ -60,21 +91,52 @@ pub fn histogram2d(
     out: &mut [f32],
     run: &dyn Run,
 ) -> Result<Counted, Cancelled> {
-    let width = field.x.count();
+    counts(&Points { x, y, z: None }, field, 1, out, run)
+}
+
+/// As [`histogram2d`], for the voxels of a volume (x fastest, z slowest).
+///
+/// # Errors
+/// `Cancelled` when the person cancelled; `out` is then undefined.
+pub fn histogram3d(
+    [x, y, z]: [&[f64]; 3],
+    volume: &Volume,
+    out: &mut [f32],
+    run: &dyn Run,
+) -> Result<Counted, Cancelled> {
+    let z = Some((z, volume.z));
+    counts(
+        &Points { x, y, z },
+        &volume.plane,
+        volume.z.count(),
+        out,
+        run,
+    )
+}
+
+/// Counts in a stack of planes, whose pixel rows are numbered through.
+fn counts(
+    points: &Points<'_>,
+    field: &Field,
+    slices: usize,
+    out: &mut [f32],
+    run: &dyn Run,
+) -> Result<Counted, Cancelled> {
+    let (width, lines) = (field.x.count(), field.y.count() * slices);
     let shift = (BAND_PIXELS / width)
         .max(1)
-        .min(field.y.count().div_ceil(8).next_power_of_two())
+        .min(lines.div_ceil(8).next_power_of_two())
         .ilog2();
     let layout = Layout {
         field,
         shift,
-        bands: field.y.count().div_ceil(1 << shift),
+        bands: lines.div_ceil(1 << shift),
     };
     let bands: Vec<Mutex<&mut [f32]>> = out.chunks_mut(width << shift).map(Mutex::new).collect();
-    let rows = x.len().min(y.len());
-    let chunks: Vec<(&[f64], &[f64])> = x[..rows]
-        .chunks(CHUNK)
-        .zip(y[..rows].chunks(CHUNK))
+    let rows = points.rows();
+    let chunks: Vec<Points<'_>> = (0..rows)
+        .step_by(CHUNK)
+        .map(|from| points.part(from..rows.min(from + CHUNK)))
         .collect();
     let mut counted = Counted::default();
     let rounds = chunks.len().div_ceil(ROUND).max(1);
@@ -97,18 +159,13 @@ pub fn histogram2d(
     Ok(counted)
 }
 
-fn sort(
-    chunks: &[(&[f64], &[f64])],
-    layout: &Layout,
-    run: &dyn Run,
-) -> Result<Vec<Sorted>, Cancelled> {
+fn sort(chunks: &[Points<'_>], layout: &Layout, run: &dyn Run) -> Result<Vec<Sorted>, Cancelled> {
     let sorted: Vec<Mutex<Sorted>> = chunks.iter().map(|_| Mutex::default()).collect();
     run.parallel(chunks.len(), &|i| {
         if run.cancelled() {
             return;
         }
-        let (x, y) = chunks[i];
-        let result = sort_chunk(x, y, layout);
+        let result = sort_chunk(&chunks[i], layout);
         if let Ok(mut slot) = sorted[i].lock() {
             *slot = result;
         }
@@ -124,11 +181,14 @@ fn sort(
 
 /// Counting sort by band. Rows outside are in a band of their own at the end, so that no row needs a
 /// branch.
-fn sort_chunk(x: &[f64], y: &[f64], layout: &Layout) -> Sorted {
-    let rows = x.len();
+fn sort_chunk(points: &Points<'_>, layout: &Layout) -> Sorted {
+    let rows = points.rows();
     let mut pixels = vec![0_u32; rows];
     let mut bands = vec![0_u32; rows];
-    pixels_of(x, y, layout, &mut pixels, &mut bands);
+    match points.z {
+        None => pixels_of(points.x, points.y, layout, &mut pixels, &mut bands),
+        Some((z, axis)) => voxels_of(points, z, &axis, layout, &mut pixels, &mut bands),
+    }
     let mut starts = vec![0_u32; layout.bands + 1];
     for band in &bands {
         starts[*band as usize] += 1;
@@ -136,8 +196,7 @@ fn sort_chunk(x: &[f64], y: &[f64], layout: &Layout) -> Sorted {
     let outside = u64::from(starts[layout.bands]);
     let mut invalid = 0;
     if outside > 0 {
-        let finite = |(x, y): (&f64, &f64)| x.is_finite() && y.is_finite();
-        invalid = x.iter().zip(y).filter(|row| !finite(*row)).count() as u64;
+        invalid = (0..rows).filter(|i| !points.finite(*i)).count() as u64;
     }
     // Running sums: starts[b] becomes the end of band b, then counts down to its start.
     let mut sum = 0;
@@ -163,10 +222,11 @@ fn sort_chunk(x: &[f64], y: &[f64], layout: &Layout) -> Sorted {
     }
 }
 
+/// 2^52: added to a whole f64 below it, the number stands in the low bits.
+const WHOLE: f64 = 4_503_599_627_370_496.0;
+
 /// Pixel number and band of each position; the band after the last one for those outside.
 fn pixels_of(x: &[f64], y: &[f64], layout: &Layout, pixels: &mut [u32], bands: &mut [u32]) {
-    /// 2^52: added to a whole f64 below it, the number stands in the low bits.
-    const WHOLE: f64 = 4_503_599_627_370_496.0;
     let (ax, ay, width) = (
         layout.field.x,
         layout.field.y,
@@ -176,6 +236,28 @@ fn pixels_of(x: &[f64], y: &[f64], layout: &Layout, pixels: &mut [u32], bands: &
     for (((&x, &y), pixel), band) in x.iter().zip(y).zip(pixels).zip(bands) {
         let inside = ax.holds(x) & ay.holds(y);
         let row = ay.index(y);
+        *pixel = ((row * width + ax.index(x)) + WHOLE).to_bits() as u32;
+        let b = ((row + WHOLE).to_bits() as u32) >> layout.shift;
+        *band = if inside { b } else { outside };
+    }
+}
+
+/// As [`pixels_of`], in a volume.
+fn voxels_of(
+    points: &Points<'_>,
+    z: &[f64],
+    az: &Axis,
+    layout: &Layout,
+    pixels: &mut [u32],
+    bands: &mut [u32],
+) {
+    let (ax, ay) = (layout.field.x, layout.field.y);
+    let (width, lines) = (ax.count() as f64, ay.count() as f64);
+    let outside = layout.bands as u32;
+    let rows = points.x.iter().zip(points.y).zip(z);
+    for (((&x, &y), &z), (pixel, band)) in rows.zip(pixels.iter_mut().zip(bands)) {
+        let inside = ax.holds(x) & ay.holds(y) & az.holds(z);
+        let row = az.index(z) * lines + ay.index(y);
         *pixel = ((row * width + ax.index(x)) + WHOLE).to_bits() as u32;
         let b = ((row + WHOLE).to_bits() as u32) >> layout.shift;
         *band = if inside { b } else { outside };
@@ -230,35 +312,13 @@ fn count(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::field::{Bounds, IMAGE_BYTES, extent, field};
-    use crate::grid::Axis;
-    use crate::testing::Random;
+    use crate::testing::{Random, around, covering, plane};
     use puncta_testkit::Threads;
-
-    fn plane(x: f64, y: f64, size: f64, width: usize, height: usize) -> Field {
-        Field {
-            x: Axis::at(x, size, width).unwrap(),
-            y: Axis::at(y, size, height).unwrap(),
-        }
-    }
 
     fn image(x: &[f64], y: &[f64], field: &Field) -> (Vec<f32>, Counted) {
         let mut out = vec![f32::NAN; field.pixels()];
         let counted = histogram2d(x, y, field, &mut out, &Threads(2)).unwrap();
         (out, counted)
-    }
-
-    fn covering(x: &[f64], y: &[f64], size: f64) -> Field {
-        let extent = |v: &[f64]| extent(v, &Threads(2)).unwrap();
-        field(
-            &Bounds::default(),
-            size,
-            extent(x),
-            extent(y),
-            IMAGE_BYTES,
-            4,
-        )
-        .unwrap()
     }
 
     #[test]
@@ -303,7 +363,7 @@ mod tests {
         let x = random.many(100_000, -4000.0, 9000.0);
         let y = random.many(100_000, 100.0, 8000.0);
         for size in [10.0, 7.5, 0.1 * 130.0] {
-            let field = covering(&x, &y, size);
+            let field = covering(&x, &y, size, 0.0);
             let (still, counted) = image(&x, &y, &field);
             assert_eq!(
                 counted,
@@ -314,7 +374,7 @@ mod tests {
             );
             let mx: Vec<f64> = x.iter().map(|x| x + 3.0 * size).collect();
             let my: Vec<f64> = y.iter().map(|y| y - 5.0 * size).collect();
-            let moved = covering(&mx, &my, size);
+            let moved = covering(&mx, &my, size, 0.0);
             assert_eq!(
                 (moved.x.count(), moved.y.count()),
                 (field.x.count(), field.y.count())
@@ -359,7 +419,39 @@ mod tests {
         let (found, counted) = image(&[], &[], &plane(0.0, 0.0, 10.0, 3, 2));
         assert!(found.iter().all(|v| *v == 0.0) && counted == Counted::default());
         let same = vec![-7.25; 200_000];
-        let field = covering(&same, &same, 10.0);
+        let field = covering(&same, &same, 10.0, 0.0);
         assert_eq!(image(&same, &same, &field).0, [200_000.0]);
+    }
+
+    #[test]
+    fn a_volume_is_counted_as_by_a_plain_loop_and_sums_up_to_the_plane() {
+        let mut random = Random::new(5);
+        let [x, y] = [(); 2].map(|()| random.many(60_000, -700.0, 900.0));
+        let z = random.many(60_000, -310.0, 295.0);
+        let volume = around([&x, &y, &z], 10.0, 25.0, 0.0);
+        let make = |threads| {
+            let mut out = vec![f32::NAN; volume.voxels()];
+            let counted = histogram3d([&x, &y, &z], &volume, &mut out, &Threads(threads));
+            assert_eq!(counted.unwrap().inside, 60_000);
+            out
+        };
+        let found = make(2);
+        assert!(found == make(1));
+        let index = |v: f64, size: f64, axis: &Axis| (v / size).floor() as i64 - axis.first();
+        let mut plain = vec![0.0_f32; volume.voxels()];
+        let (w, h) = (volume.plane.x.count(), volume.plane.y.count());
+        for ((x, y), z) in x.iter().zip(&y).zip(&z) {
+            let k = index(*z, 25.0, &volume.z) as usize;
+            let j = index(*y, 10.0, &volume.plane.y) as usize;
+            let i = index(*x, 10.0, &volume.plane.x) as usize;
+            plain[(k * h + j) * w + i] += 1.0;
+        }
+        assert!(found == plain);
+        let (flat, _) = image(&x, &y, &volume.plane);
+        let mut projected = vec![0.0_f32; w * h];
+        for slice in found.chunks(w * h) {
+            projected.iter_mut().zip(slice).for_each(|(p, v)| *p += v);
+        }
+        assert!(projected == flat);
     }
 }

@@ -55,7 +55,7 @@ pub(crate) enum Fate {
 
 impl Sigma<'_> {
     #[inline(always)]
-    fn at(&self, i: usize) -> f64 {
+    pub(crate) fn at(&self, i: usize) -> f64 {
         match self {
             Self::Fixed(s) => *s,
             Self::Column(c) => c.get(i).copied().unwrap_or(f64::NAN),

@@ -70,6 +70,29 @@ pub const CALLS: &[Case] = &[
         "{}",
         "sim_1000000.csv",
     ),
+        "quadtree_render_1000000_10nm",
+        "puncta.render.quadtree/1",
+        "{\"pixel_size\": 10}",
+        "sim_1000000_locs.hdf5",
+    ),
+    (
+        "quadtree_render_10000000_10nm",
+        "puncta.render.quadtree/1",
+        "{\"pixel_size\": 10}",
+        "sim_10000000_locs.hdf5",
+    ),
+    (
+        "triangles_render_100000_10nm",
+        "puncta.render.triangulation/1",
+        "{\"pixel_size\": 10}",
+        "sim_100000_locs.hdf5",
+    ),
+    (
+        "triangles_render_1000000_10nm",
+        "puncta.render.triangulation/1",
+        "{\"pixel_size\": 10}",
+        "sim_1000000_locs.hdf5",
+    ),
 ];
 
 /// Runs a case of [`CALLS`]. Its digest: the rows of each output and the numbers of each report.

@@ -1,8 +1,6 @@
 use super::*;
-use crate::field::{Bounds, IMAGE_BYTES, extent, field};
-use crate::grid::Axis;
 use crate::spots::Sigma;
-use crate::testing::Random;
+use crate::testing::{self, Random, plane, sum};
 use puncta_testkit::Threads;
 
 struct Image {
@@ -35,31 +33,7 @@ fn render(spots: &Gaussians<'_>, field: Field) -> Image {
 }
 
 fn covering(spots: &Gaussians<'_>, size: f64, margin: f64) -> Field {
-    let bounds = Bounds {
-        margin,
-        ..Bounds::default()
-    };
-    let extent = |v: &[f64]| extent(v, &Threads(2)).unwrap();
-    field(
-        &bounds,
-        size,
-        extent(spots.x),
-        extent(spots.y),
-        IMAGE_BYTES,
-        4,
-    )
-    .unwrap()
-}
-
-fn plane(x: f64, y: f64, size: f64, width: usize, height: usize) -> Field {
-    Field {
-        x: Axis::at(x, size, width).unwrap(),
-        y: Axis::at(y, size, height).unwrap(),
-    }
-}
-
-fn sum(image: &[f32]) -> f64 {
-    image.iter().map(|v| f64::from(*v)).sum()
+    testing::covering(spots.x, spots.y, size, margin)
 }
 
 /// The truncated distribution function from the error function, without this crate's polynomial.
