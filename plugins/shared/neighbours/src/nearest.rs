@@ -95,7 +95,10 @@ impl<const D: usize> Grid<D> {
     }
 
     /// Points in the cell of a point, on average over the points.
-    fn crowd(&self, run: &dyn Run) -> Result<f64, Cancelled> {
+    ///
+    /// # Errors
+    /// When cancelled.
+    pub fn crowd(&self, run: &dyn Run) -> Result<f64, Cancelled> {
         let sums = self.map_blocks(run, |block| {
             self.cells(block)
                 .map(|cell| (cell.len() as f64).powi(2))
@@ -288,6 +291,7 @@ impl<const D: usize> WithSimd for Closest<'_, D> {
 
 impl<const D: usize> Closest<'_, D> {
     #[inline(always)]
+    #[allow(clippy::needless_range_loop)]
     fn scan<const LANES: usize>(&self, slice: Range<usize>, least: &mut [f64; LANES]) {
         let axes: [&[f64]; D] = std::array::from_fn(|a| &self.grid.axes[a][slice.clone()]);
         let squared = |k: usize| {
