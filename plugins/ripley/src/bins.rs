@@ -35,6 +35,7 @@ impl Bins {
 
     /// Number of bins, without that of larger distances.
     #[must_use]
+    #[allow(clippy::len_without_is_empty)]
     pub fn len(&self) -> usize {
         self.count
     }

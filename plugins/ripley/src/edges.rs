@@ -1,7 +1,7 @@
 //! Corrections for what lies beyond the boundary, as sums of weights in each bin.
 
 use crate::bins::Bins;
-use crate::pairs::reach;
+use crate::pairs::{one_place, pairs_among, reach};
 use crate::window::{Rim, Window};
 use puncta_sdk::Cancelled;
 use puncta_sdk::run::Run;
@@ -68,6 +68,9 @@ pub fn isotropic<const D: usize>(
             reach(other, source.cell_of(cell.start), bins.radius(), |slice| {
                 slices.push(slice)
             });
+            if target.is_none() && one_place(source, &cell) {
+                without(&mut slices, &cell);
+            }
             for i in cell {
                 let point = source.point(i);
                 window.about(&point, &pieces, bins.radius(), &mut rim);
@@ -103,6 +106,18 @@ pub fn isotropic<const D: usize>(
         totals.add(&sums);
     })?;
     Ok(totals.take())
+}
+
+/// Takes a cell out of slices.
+fn without(slices: &mut Vec<Range<usize>>, cell: &Range<usize>) {
+    let parts = slices.drain(..).flat_map(|slice| {
+        if slice.start <= cell.start && cell.end <= slice.end {
+            [slice.start..cell.start, cell.end..slice.end]
+        } else {
+            [slice.clone(), slice.end..slice.end]
+        }
+    });
+    *slices = parts.filter(|part| !part.is_empty()).collect();
 }
 
 /// Low and high corner of the points of a slice.
@@ -165,6 +180,10 @@ pub fn translation<const D: usize>(
             reach(other, source.cell_of(cell.start), bins.radius(), |slice| {
                 slices.push(slice)
             });
+            if target.is_none() && one_place(source, &cell) {
+                without(&mut slices, &cell);
+                sums[0] += pairs_among(cell.len()) as f64;
+            }
             for i in cell {
                 work += slices.iter().map(ExactSizeIterator::len).sum::<usize>();
                 if work > POLL {

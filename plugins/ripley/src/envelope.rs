@@ -85,7 +85,14 @@ pub fn simulated<const D: usize>(
                 return Err(Failure::cancelled());
             }
             let number = (done + i) as u64;
-            let drawn = draw(simulation.null, sets, window, simulation.seed, number);
+            let drawn = draw(
+                simulation.null,
+                sets,
+                window,
+                simulation.seed,
+                number,
+                &|| !run.cancelled(),
+            );
             let rings = rings(&drawn.sets(), window, edges, bins, &Alone(run))?;
             Ok(Curves::new(&rings, bins, D).h)
         });

@@ -188,6 +188,15 @@ impl Window<2> for Flat {
         }
     }
 
+    fn tries(&self) -> f64 {
+        match self.inside {
+            Inside::Polygon => {
+                (self.high[0] - self.low[0]) * (self.high[1] - self.low[1]) / self.area
+            }
+            _ => 1.0,
+        }
+    }
+
     fn describe(&self) -> String {
         let [x, y] = [0, 1].map(|a| self.high[a] - self.low[a]);
         match &self.inside {

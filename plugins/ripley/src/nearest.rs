@@ -9,6 +9,7 @@ use crate::window::{Rim, Window};
 use puncta_sdk::run::{Run, map};
 use puncta_sdk::{Cancelled, Failure};
 use puncta_shared_neighbours::{Grid, Nearest};
+use std::sync::{Mutex, PoisonError};
 
 /// Rows between two polls for cancel.
 const CHUNK: usize = 2048;
@@ -109,38 +110,62 @@ pub fn lattice<const D: usize>(window: &dyn Window<D>, count: usize) -> [Vec<f64
 
 /// Kaplan and Meier's distribution function of distances that a boundary censors, at increasing
 /// radii.
-#[must_use]
-pub fn kaplan_meier(distances: &[f64], border: &[f64], radii: &[f64]) -> Vec<f64> {
-    let last = radii.last().copied().unwrap_or(0.0);
-    let pairs = distances.iter().zip(border);
-    let mut ends: Vec<(f64, bool)> = pairs
-        .map(|(distance, border)| (distance.min(*border), distance <= border))
-        .filter(|end| end.0 <= last)
-        .collect();
-    ends.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let (mut left, mut at, mut kept) = (distances.len(), 0, 1.0);
+///
+/// # Errors
+/// When cancelled.
+pub fn kaplan_meier(
+    distances: &[f64],
+    border: &[f64],
+    radii: &[f64],
+    run: &dyn Run,
+) -> Result<Vec<f64>, Cancelled> {
+    // Ends by the first radius that they do not exceed; those beyond all are still at risk.
+    let mut buckets: Vec<Vec<(f64, bool)>> = vec![Vec::new(); radii.len()];
+    for (row, (distance, border)) in distances.iter().zip(border).enumerate() {
+        if row % (1 << 16) == 0 {
+            alive(run)?;
+        }
+        let end = distance.min(*border);
+        if let Some(bucket) = buckets.get_mut(radii.partition_point(|radius| *radius < end)) {
+            bucket.push((end, distance <= border));
+        }
+    }
+    let buckets: Vec<Mutex<Vec<(f64, bool)>>> = buckets.into_iter().map(Mutex::new).collect();
+    run.parallel(buckets.len(), &|bucket| {
+        if !run.cancelled() {
+            let mut ends = buckets[bucket]
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner);
+            ends.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        }
+    });
+    alive(run)?;
+    let (mut left, mut kept) = (distances.len(), 1.0);
     let mut values = Vec::with_capacity(radii.len());
-    for radius in radii {
-        while at < ends.len() && ends[at].0 <= *radius {
-            let same = ends[at..]
-                .iter()
-                .take_while(|end| end.0 == ends[at].0)
-                .count();
-            let found = ends[at..at + same].iter().filter(|end| end.1).count();
+    for bucket in buckets {
+        let ends = bucket.into_inner().unwrap_or_else(PoisonError::into_inner);
+        for same in ends.chunk_by(|a, b| a.0 == b.0) {
+            let found = same.iter().filter(|end| end.1).count();
             kept *= 1.0 - found as f64 / left as f64;
-            left -= same;
-            at += same;
+            left -= same.len();
         }
         values.push(1.0 - kept);
     }
-    values
+    Ok(values)
 }
 
 /// Share of the distances up to each of increasing radii.
 #[must_use]
 pub fn shares(distances: &[f64], radii: &[f64]) -> Vec<f64> {
-    let free = vec![f64::INFINITY; distances.len()];
-    kaplan_meier(distances, &free, radii)
+    let mut counts = vec![0_u64; radii.len() + 1];
+    for distance in distances {
+        counts[radii.partition_point(|radius| radius < distance)] += 1;
+    }
+    let sum = |sum: &mut u64, count: &u64| {
+        *sum += count;
+        Some(*sum as f64 / distances.len() as f64)
+    };
+    counts.iter().take(radii.len()).scan(0, sum).collect()
 }
 
 /// Mean distance over that of complete spatial randomness, without correction for the boundary, and
@@ -183,7 +208,8 @@ mod tests {
         // Deaths at 1 (5 at risk) and 3 (2 at risk, one of them censored there); censored at 2, 3, 2.
         let distances = [1.0, 5.0, 3.0, 4.0, 9.0];
         let border = [7.0, 2.0, 3.0, 3.0, 2.0];
-        let found = kaplan_meier(&distances, &border, &[0.5, 1.0, 2.0, 3.0, 10.0]);
+        let radii = [0.5, 1.0, 2.0, 3.0, 10.0];
+        let found = kaplan_meier(&distances, &border, &radii, &Threads(2)).expect("not cancelled");
         let expected = [0.0, 0.2, 0.2, 1.0 - 0.8 * 0.5, 1.0 - 0.8 * 0.5];
         for (found, expected) in found.iter().zip(expected) {
             assert!((found - expected).abs() < 1e-15, "{found} {expected}");
@@ -207,8 +233,8 @@ mod tests {
         let f = nearest(places, Some(axes), &run).expect("valid");
         let g_border = border(axes, window, scale, &run).expect("valid");
         let f_border = border(places, window, scale, &run).expect("valid");
-        let g = kaplan_meier(&g, &g_border, &radii);
-        let f = kaplan_meier(&f, &f_border, &radii);
+        let g = kaplan_meier(&g, &g_border, &radii, &run).expect("not cancelled");
+        let f = kaplan_meier(&f, &f_border, &radii, &run).expect("not cancelled");
         for ((g, f), r) in g.iter().zip(&f).zip(&radii) {
             let volume = crate::ripley::ball(D) * r.powi(D as i32);
             let expected = 1.0 - (-density * volume).exp();
@@ -244,6 +270,60 @@ mod tests {
         assert_eq!(found, [0.0, 30.0, 10.0, 10.0]);
         let far = border([&x[1..2], &y[1..2]], &letter(0.0), 20.0, &Threads(1)).expect("valid");
         assert_eq!(far, [f64::INFINITY]);
+    }
+
+    /// Expected values: the second neighbour in a tree of another program, to five places.
+    #[test]
+    fn real_localisations_as_another_program_sees_them() {
+        let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data/");
+        let check = |axes: Option<Vec<Vec<f64>>>, mean: f64, median: f64| {
+            let Some(axes) = axes else {
+                return;
+            };
+            let run = Threads(2);
+            let mut found = match axes.as_slice() {
+                [x, y] => nearest([x, y], None, &run).expect("valid"),
+                [x, y, z, ..] => nearest([x, y, z], None, &run).expect("valid"),
+                _ => return,
+            };
+            found.sort_by(f64::total_cmp);
+            let count = found.len();
+            let middle = (found[(count - 1) / 2] + found[count / 2]) / 2.0;
+            let average = found.iter().sum::<f64>() / count as f64;
+            assert!((average - mean).abs() < 6e-6, "{average} {mean}");
+            assert!((middle - median).abs() < 6e-6, "{middle} {median}");
+        };
+        let flat = |file: &str, names: [&str; 2]| {
+            crate::testing::columns(&format!("{root}{file}"), names).map(Vec::from)
+        };
+        let deep = |file: &str, names: [&str; 3]| {
+            crate::testing::columns(&format!("{root}{file}"), names).map(Vec::from)
+        };
+        let names = ["x [nm]", "y [nm]"];
+        let space = ["x [nm]", "y [nm]", "z [nm]"];
+        let neuron = "pyme-smlm-import-tests/ThunderSTORM_TS3D.csv";
+        check(flat(neuron, names), 8.50028, 5.01623);
+        check(deep(neuron, space), 20.25739, 14.66765);
+        check(flat("colicoords/01_storm.csv", names), 9.66961, 6.6841);
+        check(
+            flat("smlm-clustering/Training_MEDIUM.csv", names),
+            65.12566,
+            37.59502,
+        );
+        check(
+            flat("smlm-clustering/Training_EASY.csv", names),
+            98.41241,
+            32.96533,
+        );
+        let cells = "pyme-smlm-import-tests/CaulobacterC_2_R09_MoernerLab.csv";
+        check(deep(cells, ["0", "1", "2"]), 29.60923, 26.88661);
+        let pores = "mean-shift-drift/NPCdata_meanshift_example.csv";
+        check(flat(pores, ["0", "1"]), 25.4833, 9.38504);
+        check(
+            flat("frc-resolution/TestData01.txt", ["0", "1"]),
+            1.51502,
+            1.40115,
+        );
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! The operation `puncta.ripley.density/1`.
 
+use crate::pairs::reach;
 use crate::ripley::ball;
 use crate::study::points;
 use puncta_sdk::prelude::*;
@@ -24,15 +25,12 @@ impl Density {
         let data = points::<D>(job, "table", self.z.as_ref())?;
         let axes = data.each_ref().map(|axis| &**axis);
         job.progress(0.0, "counting neighbours")?;
-        let grid = Grid::new(axes, self.radius, job)?;
-        if grid.left_out() > 0 {
-            let rows = grid.left_out();
+        let (counts, left_out) = neighbours(axes, self.radius, job)?;
+        if left_out > 0 {
             job.warn(&format!(
-                "{rows} rows have no finite position: their density is NaN"
+                "{left_out} rows have no finite position: their density is NaN"
             ));
         }
-        let counts = neighbours(&grid, self.radius, job)?;
-        drop(grid);
         job.progress(0.5, "finding nearest neighbours")?;
         let grid = Grid::for_nearest(axes, [1.0; D], self.k, job)?;
         let distances = grid.nearest_distances(self.k, job)?;
@@ -67,21 +65,61 @@ impl Density {
     }
 }
 
-/// Number of other points within a radius of each, in the order of the rows.
+/// Points in the cell of a point above which finer cells are counted whole.
+const CROWD: f64 = 64.0;
+
+/// Number of other points within a radius of each, in the order of the rows, and the number of rows
+/// without a place.
 fn neighbours<const D: usize>(
-    grid: &Grid<D>,
+    axes: [&[f64]; D],
     radius: f64,
     run: &dyn Run,
-) -> Result<Vec<u32>, Failure> {
+) -> Result<(Vec<u32>, usize), Failure> {
+    let coarse = Grid::new(axes, radius, run)?;
+    let left_out = coarse.left_out();
+    if coarse.crowd(run)? <= CROWD {
+        let count = |i: usize| coarse.count_within(&coarse.point(i), radius) as u32 - 1;
+        return Ok((coarse.by_row(run, 0, count)?, left_out));
+    }
+    drop(coarse);
+    let grid = Grid::new(axes, radius / 8.0, run)?;
     let counts = grid.by_row(run, 0, |i| {
-        // A crowd beyond 32 bits has more rows than a table.
         if run.cancelled() {
-            0
-        } else {
-            grid.count_within(&grid.point(i), radius) as u32 - 1
+            return 0;
         }
+        crowd_within(&grid, i, radius) as u32 - 1
     })?;
-    Ok(counts)
+    Ok((counts, left_out))
+}
+
+/// As [`Grid::count_within`] about a point of the grid. Cells that lie within the radius as a whole
+/// are not looked into.
+fn crowd_within<const D: usize>(grid: &Grid<D>, i: usize, radius: f64) -> usize {
+    let (point, limit) = (grid.point(i), radius * radius);
+    let mut count = 0;
+    reach(grid, grid.cell_of(i), radius, |slice| {
+        let inside = |k: usize| {
+            let other = grid.point(k);
+            (0..D).map(|a| (other[a] - point[a]).powi(2)).sum::<f64>() <= limit
+        };
+        let mut at = slice.start;
+        while at < slice.end {
+            let cell = grid.cell_of(at);
+            let mut end = slice.end;
+            grid.in_cells(cell, cell, |whole| end = whole.end);
+            let farthest = (0..D).map(|a| {
+                let low = cell[a] as f64 * grid.edge() - point[a];
+                low.abs().max((low + grid.edge()).abs()).powi(2)
+            });
+            count += if farthest.sum::<f64>() < limit * (1.0 - 1e-9) {
+                end - at
+            } else {
+                (at..end).filter(|k| inside(*k)).count()
+            };
+            at = end;
+        }
+    });
+    count
 }
 
 impl Operation for Density {
@@ -149,6 +187,29 @@ mod tests {
         let out = done.output("table").expect("finished");
         assert_eq!(out.u32("neighbours").expect("there"), [1, 0, 0, 1]);
         assert_eq!(out.f64("nn_distance").expect("there")[1], 13.0);
+    }
+
+    #[test]
+    fn crowds_are_counted_as_one_by_one() {
+        use puncta_testkit::Threads;
+        let [mut x, mut y, mut z] = crate::pairs::tests::points(4000, 100.0, 0.5, 2);
+        for axis in [&mut x, &mut y, &mut z] {
+            axis.extend([50.0; 500]);
+        }
+        for radius in [5.0, 20.0, 300.0] {
+            let grid = Grid::new([&x, &y], radius / 8.0, &Threads(2)).expect("valid");
+            let deep = Grid::new([&x, &y, &z], radius / 8.0, &Threads(2)).expect("valid");
+            for i in (0..4500).step_by(7) {
+                let expected = grid.count_within(&grid.point(i), radius);
+                assert_eq!(crowd_within(&grid, i, radius), expected);
+                let expected = deep.count_within(&deep.point(i), radius);
+                assert_eq!(crowd_within(&deep, i, radius), expected);
+            }
+            let (counts, _) = neighbours([&x, &y], radius, &Threads(2)).expect("valid");
+            let first = grid.rows().iter().position(|row| *row == 0).expect("there");
+            let expected = grid.count_within(&grid.point(first), radius);
+            assert_eq!(counts[0] as usize + 1, expected);
+        }
     }
 
     #[test]

@@ -113,7 +113,9 @@ impl Ripley {
             return Err(Failure::bad_input(message).remedy("give two localisations or more"));
         }
         self.reaches(job, window, &bins)?;
-        simulate::check(self.null, two.is_some(), window)?;
+        if self.simulations > 0 {
+            simulate::check(self.null, two.is_some(), window)?;
+        }
         job.progress(0.0, "counting pairs")?;
         let curves = Curves::new(&rings(&sets, window, self.edges, &bins, job)?, &bins, D);
         let around = if self.simulations > 0 {

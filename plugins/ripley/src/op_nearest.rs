@@ -160,12 +160,17 @@ impl NearestNeighbours {
                 *count += 1.0;
             }
         }
-        let g = kaplan_meier(distances, &border(one.axes(), window, last, job)?, &radii);
+        let g = kaplan_meier(
+            distances,
+            &border(one.axes(), window, last, job)?,
+            &radii,
+            job,
+        )?;
         alive(job)?;
         let places = lattice(window, self.places);
         let places = places.each_ref().map(Vec::as_slice);
         let empty = nearest(places, Some(of.axes()), job)?;
-        let f = kaplan_meier(&empty, &border(places, window, last, job)?, &radii);
+        let f = kaplan_meier(&empty, &border(places, window, last, job)?, &radii, job)?;
         let density = of.len() as f64 / window.volume();
         let power = i32::try_from(D).unwrap_or(2);
         let random = radii
@@ -256,14 +261,13 @@ fn figures(job: &Job, caption: String) -> Result<(), Failure> {
 }
 
 fn summary(report: &mut Report, distances: &[f64]) {
+    let mean = distances.iter().sum::<f64>() / distances.len() as f64;
     let mut sorted: Vec<f64> = distances.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let mean = sorted.iter().sum::<f64>() / sorted.len() as f64;
-    let place = sorted.len() / 2;
-    let median = if sorted.len() % 2 == 1 {
-        sorted[place]
+    let (below, middle, _) = sorted.select_nth_unstable_by(distances.len() / 2, f64::total_cmp);
+    let median = if distances.len() % 2 == 1 {
+        *middle
     } else {
-        (sorted[place - 1] + sorted[place]) / 2.0
+        (below.iter().copied().fold(0.0, f64::max) + *middle) / 2.0
     };
     say(
         report,

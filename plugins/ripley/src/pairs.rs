@@ -86,6 +86,21 @@ pub(crate) fn reach<const D: usize>(
     }
 }
 
+/// Whether the many points of a cell share one place, so that their pairs need no looking at.
+pub(crate) fn one_place<const D: usize>(grid: &Grid<D>, cell: &Range<usize>) -> bool {
+    let first = |axis: &[f64]| match axis.get(cell.clone()) {
+        Some([first, rest @ ..]) => rest.iter().all(|x| x == first),
+        _ => false,
+    };
+    cell.len() > 256 && (0..D).all(|a| first(grid.axis(a)))
+}
+
+/// Number of pairs among so many.
+pub(crate) fn pairs_among(count: usize) -> u64 {
+    let count = count as u64;
+    count * count.saturating_sub(1) / 2
+}
+
 /// Numbers of pairs in each bin: of the points of one grid, each pair once, or between the points
 /// of two grids of the same edge.
 ///
@@ -101,34 +116,46 @@ pub fn count_pairs<const D: usize>(
     let arch = Arch::new();
     source.map_blocks(run, |block| {
         let mut lanes = vec![0_u64; (bins.len() + 1) * LANES];
-        let mut work = 0;
+        let (mut work, mut stopped) = (0, false);
         for cell in source.cells(block) {
             let other = target.unwrap_or(source);
-            reach(
-                other,
-                source.cell_of(cell.start),
-                bins.radius(),
-                |targets| {
-                    work += cell.len() * targets.len();
+            let single = target.is_none() && one_place(source, &cell);
+            if single {
+                lanes[0] += pairs_among(cell.len());
+            }
+            let place = source.cell_of(cell.start);
+            reach(other, place, bins.radius(), |targets| {
+                let begin = match target {
+                    Some(_) => targets.start,
+                    None if single => targets.start.max(cell.end),
+                    None => targets.start.max(cell.start),
+                };
+                let targets = begin..targets.end;
+                if targets.is_empty() {
+                    return;
+                }
+                let some = (POLL / targets.len()).max(1);
+                for first in cell.clone().step_by(some) {
+                    let sources = first..cell.end.min(first + some);
+                    work += sources.len() * targets.len();
                     if work > POLL {
                         work = 0;
-                        if run.cancelled() {
-                            return;
-                        }
+                        stopped = stopped || run.cancelled();
                     }
-                    if target.is_some() || targets.end > cell.start {
-                        arch.dispatch(Tally {
-                            source,
-                            cell: cell.clone(),
-                            target: other,
-                            targets,
-                            later: target.is_none(),
-                            bins,
-                            lanes: &mut lanes,
-                        });
+                    if stopped {
+                        return;
                     }
-                },
-            );
+                    arch.dispatch(Tally {
+                        source,
+                        cell: sources,
+                        target: other,
+                        targets: targets.clone(),
+                        later: target.is_none(),
+                        bins,
+                        lanes: &mut lanes,
+                    });
+                }
+            });
         }
         let mut totals = totals.lock().unwrap_or_else(PoisonError::into_inner);
         for (total, lanes) in totals.iter_mut().zip(lanes.chunks(LANES)) {
@@ -246,6 +273,7 @@ pub(crate) mod tests {
         std::array::from_fn(|_| (0..count).map(|_| next()).collect())
     }
 
+    #[allow(clippy::needless_range_loop)]
     fn brute<const D: usize>(
         one: &[&[f64]; D],
         two: Option<&[&[f64]; D]>,
@@ -308,6 +336,19 @@ pub(crate) mod tests {
         };
         let doubled: Vec<u64> = count(&x, &y).iter().map(|n| 2 * n).collect();
         assert_eq!(count(&xx, &yy), doubled);
+    }
+
+    #[test]
+    fn many_at_one_place_among_others() {
+        let [mut x, mut y, _] = points(600, 60.0, 0.0, 5);
+        x.extend([30.0; 400]);
+        y.extend([31.0; 400]);
+        let bins = Bins::up_to(2.0, 10);
+        check([&x, &y], [&y, &x], &bins);
+        let same = vec![7.5; 300_000];
+        let all = grid([&same, &same], 50.0, &Serial).expect("valid");
+        let pairs = count_pairs(&all, None, &bins, &Serial).expect("not cancelled");
+        assert_eq!(pairs[0], 300_000 * 299_999 / 2);
     }
 
     #[test]

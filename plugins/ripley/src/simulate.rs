@@ -45,13 +45,27 @@ impl<const D: usize> Drawn<D> {
 }
 
 /// Points with uniform density.
+#[cfg(test)]
 pub(crate) fn uniform<const D: usize>(
     window: &dyn Window<D>,
     count: usize,
     random: &mut dyn Random,
 ) -> [Vec<f64>; D] {
+    uniform_while(window, count, random, &|| true)
+}
+
+/// Points with uniform density; fewer if it is stopped.
+fn uniform_while<const D: usize>(
+    window: &dyn Window<D>,
+    count: usize,
+    random: &mut dyn Random,
+    going: &dyn Fn() -> bool,
+) -> [Vec<f64>; D] {
     let mut axes: [Vec<f64>; D] = std::array::from_fn(|_| Vec::with_capacity(count));
-    for _ in 0..count {
+    for i in 0..count {
+        if i % 1024 == 0 && !going() {
+            break;
+        }
         let point = window.draw(random);
         axes.iter_mut()
             .zip(point)
@@ -73,6 +87,10 @@ pub fn check<const D: usize>(
         let message = "random labels and shifts need a second table";
         return Err(Failure::bad_parameter("null", message).remedy("use uniform"));
     }
+    if null == Null::Uniform && window.tries() > 1000.0 {
+        let message = "the outline fills less than a thousandth of its bounding box";
+        return Err(Failure::bad_input(message).remedy("give it as a mask, to draw points in it"));
+    }
     if null == Null::Shift && window.sides().is_none() {
         let message = "shifts around the ends need a rectangle or a box";
         return Err(Failure::bad_parameter("null", message).remedy("use labels or uniform"));
@@ -87,6 +105,7 @@ pub(crate) fn draw<const D: usize>(
     window: &dyn Window<D>,
     seed: u64,
     number: u64,
+    going: &dyn Fn() -> bool,
 ) -> Drawn<D> {
     let mut random = stream(seed, number);
     let owned = |axes: [&[f64]; D]| axes.map(<[f64]>::to_vec);
@@ -123,8 +142,8 @@ pub(crate) fn draw<const D: usize>(
             }
         }
         (_, two) => Drawn {
-            one: uniform(window, sets.one[0].len(), &mut random),
-            two: two.map(|two| uniform(window, two[0].len(), &mut random)),
+            one: uniform_while(window, sets.one[0].len(), &mut random, going),
+            two: two.map(|two| uniform_while(window, two[0].len(), &mut random, going)),
         },
     }
 }

@@ -31,8 +31,12 @@ impl Bounds {
     /// Naming the parameter.
     pub fn check(&self) -> Result<(), Failure> {
         for (name, ends) in ["x", "y", "z"].into_iter().zip(self.ends) {
+            if let Some(end) = ends.into_iter().flatten().find(|end| !end.is_finite()) {
+                let message = format!("the region cannot end at {name} = {end} nm");
+                return Err(Failure::bad_parameter(&format!("{name}_max"), message));
+            }
             if let [Some(low), Some(high)] = ends
-                && !(low < high)
+                && low >= high
             {
                 let message = format!("the region's {name} ends at {high} nm, not above {low} nm");
                 return Err(Failure::bad_parameter(&format!("{name}_max"), message));
@@ -161,7 +165,7 @@ fn ends<const D: usize>(
                 [low.unwrap_or(extent[a][0]), high.unwrap_or(extent[a][1])]
             }
         };
-        if !(ends[a][0] < ends[a][1]) {
+        if ends[a][0] >= ends[a][1] {
             let message = format!(
                 "the region has no width along {name}: it is from {} to {} nm",
                 ends[a][0], ends[a][1]
@@ -275,6 +279,7 @@ impl<const D: usize> Members<'_, D> {
 ///
 /// # Errors
 /// When cancelled.
+#[allow(clippy::needless_range_loop)]
 pub fn members<'a, const D: usize>(
     points: [Cow<'a, [f64]>; D],
     window: &dyn Window<D>,

@@ -30,6 +30,11 @@ pub trait Window<const D: usize>: Sync {
     /// A point with uniform density.
     fn draw(&self, random: &mut dyn Random) -> [f64; D];
 
+    /// Mean number of places tried for a point with uniform density.
+    fn tries(&self) -> f64 {
+        1.0
+    }
+
     /// For captions: what it is and how large.
     fn describe(&self) -> String;
 }

@@ -93,6 +93,37 @@ pub const CALLS: &[Case] = &[
         "{\"pixel_size\": 10}",
         "sim_1000000_locs.hdf5",
     ),
+    // The peers' patterns are others of as many points.
+    (
+        "ripleyK_100000",
+        "puncta.ripley.k/1",
+        r#"{"edges": "none"}"#,
+        "sim_100000.csv",
+    ),
+    (
+        "ripleyK_edges_100000",
+        "puncta.ripley.k/1",
+        "{}",
+        "sim_100000.csv",
+    ),
+    (
+        "pairhist_100000",
+        "puncta.ripley.pairs/1",
+        "{}",
+        "sim_100000.csv",
+    ),
+    (
+        "nn_1000000",
+        "puncta.ripley.density/1",
+        r#"{"radius": 1}"#,
+        "sim_1000000.csv",
+    ),
+    (
+        "nn_functions_1000000",
+        "puncta.ripley.nearest/1",
+        "{}",
+        "sim_1000000.csv",
+    ),
 ];
 
 /// Runs a case of [`CALLS`]. Its digest: the rows of each output and the numbers of each report.

@@ -186,19 +186,20 @@ fn labels_and_shifts_keep_the_places() {
         all.sort_by(f64::total_cmp);
         all
     };
-    let labels = draw(Null::Labels, &sets, &plane, 5, 0);
+    let labels = draw(Null::Labels, &sets, &plane, 5, 0, &|| true);
     let drawn = labels.sets();
     let second = drawn.two.expect("two sets");
     assert_eq!((drawn.one[0].len(), second[0].len()), (30, 50));
     assert_eq!(sorted(drawn.one[0], second[0]), sorted(&one[0], &two[0]));
     assert_ne!(drawn.one[0], &one[0][..]);
-    let shifted = draw(Null::Shift, &sets, &plane, 5, 0);
+    let shifted = draw(Null::Shift, &sets, &plane, 5, 0, &|| true);
     let drawn = shifted.sets();
     let second = drawn.two.expect("two sets");
     assert_eq!(drawn.one[0], &one[0][..]);
     let shift = |a: usize, side: f64, i: usize| (second[a][i] - two[a][i]).rem_euclid(side);
-    for i in 0..50 {
-        assert!(plane.holds(&[second[0][i], second[1][i]]));
+    let places = second[0].iter().zip(second[1]).enumerate();
+    for (i, (x, y)) in places {
+        assert!(plane.holds(&[*x, *y]));
         assert!((shift(0, 100.0, i) - shift(0, 100.0, 0)).abs() < 1e-9);
         assert!((shift(1, 50.0, i) - shift(1, 50.0, 0)).abs() < 1e-9);
     }

@@ -172,6 +172,7 @@ fn what_cannot_be_studied_is_said() {
         "second table",
     );
     say(call(&x, &y).set("x_min", 9).set("x_max", 9), "not above");
+    say(call(&x, &y).set("x_min", "-inf"), "cannot end at");
     let zero = call(&x, &y).set("r_max", 0).run().expect_err("refused");
     assert_eq!(zero.parameter.as_deref(), Some("r_max"));
     let beyond = call(&x, &y)

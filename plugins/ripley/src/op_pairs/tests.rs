@@ -93,8 +93,9 @@ fn what_cannot_be_counted_is_said() {
     assert!(stopped.is_cancelled());
 }
 
-/// Expected values: the reference application's histogram, whose 32-bit distances move some pairs
-/// that lie on an edge.
+/// Expected values: pairs of a tree and their histogram in another program, with 64-bit distances;
+/// a root there may move a pair that lies on an edge. The reference application's 32-bit distances
+/// move up to seven pairs a bin.
 #[test]
 fn real_localisations_as_another_program_counts_them() {
     let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data");
@@ -113,12 +114,12 @@ fn real_localisations_as_another_program_counts_them() {
         .f64("pairs")
         .expect("there");
     let expected = [
-        17640.0, 48814.0, 75136.0, 98764.0, 120656.0, 142966.0, 163194.0, 182512.0, 202622.0,
-        220334.0,
+        17641.0, 48816.0, 75132.0, 98761.0, 120_661.0, 142_965.0, 163_195.0, 182_505.0, 202_629.0,
+        220_334.0,
     ];
     for (pairs, expected) in pairs.iter().zip(expected) {
-        assert!((pairs - expected).abs() <= 5.0, "{pairs} {expected}");
+        assert!((pairs - expected).abs() <= 1.0, "{pairs} {expected}");
     }
     let sum = pairs.iter().sum::<f64>();
-    assert!((sum - 14_731_278.0).abs() <= 20.0, "{sum}");
+    assert!((sum - 14_731_278.0).abs() <= 10.0, "{sum}");
 }
