@@ -206,9 +206,8 @@ fn what_has_no_example_or_other_bits_is_found() {
         found("test.misbehave/1: it declares no example"),
         "{problems:?}"
     );
-    // It counts the runs of its process, which are others in a worker.
     assert!(
-        found("test.count/1: a worker gives other bits"),
+        found("test.process/1: a worker gives other bits"),
         "{problems:?}"
     );
 }

@@ -70,6 +70,7 @@ pub const CALLS: &[Case] = &[
         "{}",
         "sim_1000000.csv",
     ),
+    (
         "quadtree_render_1000000_10nm",
         "puncta.render.quadtree/1",
         "{\"pixel_size\": 10}",

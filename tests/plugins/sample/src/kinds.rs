@@ -1,6 +1,7 @@
 //! One call that gives all five kinds of object and all types of column.
 
 use puncta_sdk::documents::call::Read;
+use puncta_sdk::documents::manifest::Step;
 use puncta_sdk::prelude::*;
 use puncta_sdk::{ColumnMut, Figure, Series, serde_json::json};
 
@@ -145,11 +146,16 @@ impl Operation for SumSeries {
     const ID: &'static str = "test.sum-series/1";
 
     fn info() -> Info {
+        let figure = Step {
+            op: AllKinds::ID.into(),
+            output: Some("figure".into()),
+            ..Step::default()
+        };
         Info::operation("Sum of a series")
             .input(Ports::figure("figure"))
             .output(Ports::report("report"))
             .example(json!({"column": "f32"}))
-            .example_input("figure", AllKinds::ID, json!({}))
+            .example_step("figure", figure)
     }
 
     fn prepare(&self, _: &Request) -> Result<Plan, Failure> {

@@ -175,4 +175,24 @@ impl Operation for Count {
     }
 }
 
-puncta_sdk::register!(Empty, Points, Scale, EveryNth, Count);
+/// Reports the number of its process: an operation whose result depends on where it runs.
+#[derive(Params)]
+struct Process;
+
+impl Operation for Process {
+    const ID: &'static str = "test.process/1";
+
+    fn info() -> Info {
+        Info::operation("Process")
+            .output(Ports::report("report"))
+            .example(puncta_sdk::serde_json::json!({}))
+    }
+
+    fn run(&self, job: &Job) -> Result<(), Failure> {
+        let mut report = Report::new("report");
+        report.number("process", f64::from(std::process::id()), "1");
+        job.report(&report)
+    }
+}
+
+puncta_sdk::register!(Empty, Points, Scale, EveryNth, Count, Process);
