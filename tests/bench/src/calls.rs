@@ -29,6 +29,8 @@ pub const CALLS: &[Case] = &[
         "puncta.precision.nena/1",
         "{}",
         "sim_1000000_locs.hdf5",
+    ),
+    (
         "link_1000000",
         "puncta.chaining.find/1",
         r#"{"radius": 40, "gap": 1}"#,

@@ -25,7 +25,7 @@ impl Operation for Decorrelation {
     fn info() -> Info {
         let render = Step {
             op: "puncta.render.gaussian/1".into(),
-            parameters: json!({"pixel_size": 5})
+            parameters: json!({"pixel_size": 2})
                 .as_object()
                 .cloned()
                 .unwrap_or_default(),
