@@ -16,13 +16,24 @@ const CELL: f64 = 2.0;
 /// A bin that fits better this many cells away has jumped; nearer ones keep the smooth start.
 const JUMP: f64 = 2.0;
 
-/// A coarse drift.
+/// Which pairs of segments are correlated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pattern {
+    /// All of them, redundantly.
+    All,
+    /// Each with the first.
+    First,
+}
+
+/// A drift of segments.
 #[derive(Clone, Debug)]
 pub struct Coarse {
-    /// Nodes at the middles of the segments.
-    pub curve: Curve,
+    /// Drift of each segment.
+    pub drift: Vec<[f64; 3]>,
     /// Pairs of segments, and how many of them showed a peak and agreed.
     pub pairs: [usize; 2],
+    /// Root mean square of the residuals of the pairs that agreed, nm.
+    pub residual: f64,
 }
 
 /// Drift between segments, from the displacements up to `reach` nm.
@@ -31,34 +42,34 @@ pub struct Coarse {
 /// When the localisations are too few or show no structure that repeats; or cancelled.
 pub fn segments(
     cloud: &Cloud,
+    bins: &Bins,
     reach: f64,
-    count: usize,
+    pattern: Pattern,
     seed: u64,
     run: &dyn Run,
 ) -> Result<Coarse, Failure> {
     let few = thin(cloud, reach as f32, seed);
-    let bins = Bins::equal(&few, count);
     let group = bins.of(&few);
     let n = bins.len();
     let layout = Layout::lateral(reach, CELL * cloud.sigma);
-    let solution = correlate(&few.at, &group, n, &layout, run)?;
-    let mut positions = solution.positions;
+    let solution = correlate(&few.at, &group, n, &layout, pattern, run)?;
+    let mut drift = solution.positions;
     if cloud.axes == 3 {
-        let at = moved(&few, &group, &positions);
+        let at = moved(&few, &group, &drift);
         let layout = Layout::axial(reach / cloud.z_scale, CELL * cloud.sigma, 5.0 * cloud.sigma);
-        let axial = correlate(&at, &group, n, &layout, run)?;
-        for (position, z) in positions.iter_mut().zip(axial.positions) {
-            position[2] = z[2];
+        let axial = correlate(&at, &group, n, &layout, pattern, run)?;
+        for (drift, z) in drift.iter_mut().zip(axial.positions) {
+            drift[2] = z[2];
         }
     }
-    let all = n * (n - 1) / 2;
+    let all = match pattern {
+        Pattern::All => n * (n - 1) / 2,
+        Pattern::First => n - 1,
+    };
     Ok(Coarse {
-        curve: Curve {
-            times: bins.centre,
-            values: positions,
-            breaks: Vec::new(),
-        },
-        pairs: [all, all - solution.rejected.len()],
+        drift,
+        pairs: [all, solution.used],
+        residual: solution.residual,
     })
 }
 
@@ -68,6 +79,7 @@ fn correlate(
     group: &[u32],
     n: usize,
     layout: &Layout,
+    pattern: Pattern,
     run: &dyn Run,
 ) -> Result<Solution, Failure> {
     if n < 2 {
@@ -81,7 +93,7 @@ fn correlate(
         for a in 0..b {
             let counts = &counts[place(a, b) * layout.cells()..][..layout.cells()];
             let peak = peak(counts, layout);
-            if peak.score >= LEAST_SCORE {
+            if peak.score >= LEAST_SCORE && (pattern == Pattern::All || a == 0) {
                 links.push(Link {
                     from: a,
                     to: b,

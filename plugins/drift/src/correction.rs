@@ -208,7 +208,7 @@ fn mean(at: &[[f64; 3]], frames: &Frames) -> [f64; 3] {
 /// # Errors
 /// A sentence for the person.
 pub fn trust(estimate: &Estimate, most: f64) -> Result<(), Failure> {
-    let rms = estimate.rms.iter().fold(0.0, |high: f64, v| high.max(*v));
+    let rms = estimate.worst();
     if rms <= most {
         return Ok(());
     }
@@ -328,6 +328,24 @@ pub fn report(estimate: &Estimate, drift: &Drift, frames: &Frames, axes: usize) 
     for note in &estimate.notes {
         report.number(note.name, note.value, note.unit).description = Some(note.meaning.into());
     }
+    report
+}
+
+/// The report of a drift that was known already.
+pub fn known(drift: &Drift, frames: &Frames, axes: usize, samples: usize) -> Report {
+    let estimate = Estimate {
+        notes: vec![crate::estimate::note(
+            "samples",
+            samples as f64,
+            "1",
+            "Times at which the drift was given",
+        )],
+        ..Estimate::default()
+    };
+    let mut report = report(&estimate, drift, frames, axes);
+    report
+        .values
+        .retain(|value| !value.name.starts_with("split_half"));
     report
 }
 

@@ -31,6 +31,21 @@ pub struct Estimate {
     pub notes: Vec<Note>,
 }
 
+impl Estimate {
+    /// Brings z from the estimators' scale back to nm.
+    pub fn scale_z(&mut self, scale: f64) {
+        for values in [&mut self.curve.values, &mut self.error] {
+            values.iter_mut().for_each(|v| v[2] *= scale);
+        }
+        self.rms[2] *= scale;
+    }
+
+    /// The largest error from split halves, nm.
+    pub fn worst(&self) -> f64 {
+        self.rms.iter().fold(0.0, |high: f64, v| high.max(*v))
+    }
+}
+
 /// A number for the report.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Note {

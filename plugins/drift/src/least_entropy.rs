@@ -4,7 +4,8 @@ use puncta_sdk::{Failure, Run};
 
 use crate::bins::Bins;
 use crate::cloud::{Cloud, hash};
-use crate::coarse;
+use crate::coarse::{self, Pattern};
+use crate::curve::Curve;
 use crate::entropy::refine;
 use crate::estimate::{Estimate, Trials, combine, note};
 
@@ -69,17 +70,17 @@ pub fn estimate(cloud: &Cloud, settings: &Settings, run: &dyn Run) -> Result<Est
     let seed = settings.seed;
     run.progress(0.0, "correlating segments")?;
     let segments = settings.segments.min(cloud.len() / 50).max(3);
-    let start = coarse::segments(cloud, settings.reach, segments, hash(1, seed), run)?;
+    let parts = Bins::equal(cloud, segments);
+    let reach = settings.reach;
+    let start = coarse::segments(cloud, &parts, reach, Pattern::All, hash(1, seed), run)?;
+    let curve = Curve {
+        times: parts.centre,
+        values: start.drift,
+        breaks: Vec::new(),
+    };
     let bins = bins(cloud, settings.bin);
     run.progress(0.0, "placing bins")?;
-    let drift = coarse::bins(
-        cloud,
-        &bins,
-        &start.curve,
-        settings.reach,
-        hash(2, seed),
-        run,
-    )?;
+    let drift = coarse::bins(cloud, &bins, &curve, settings.reach, hash(2, seed), run)?;
     let refine = |cloud: &Cloud| refine(cloud, &bins.of_frame, &drift, MOST, hash(4, seed), run);
     let cloud = &cloud.thinned(MOST, hash(3, seed));
     let whole = refine(cloud)?;
@@ -113,9 +114,6 @@ pub fn estimate(cloud: &Cloud, settings: &Settings, run: &dyn Run) -> Result<Est
             "Pairs that showed a peak and agreed with the others",
         ),
     ];
-    for values in [&mut estimate.curve.values, &mut estimate.error] {
-        values.iter_mut().for_each(|v| v[2] *= cloud.z_scale);
-    }
-    estimate.rms[2] *= cloud.z_scale;
+    estimate.scale_z(cloud.z_scale);
     Ok(estimate)
 }

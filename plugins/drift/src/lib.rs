@@ -1,10 +1,12 @@
 //! Estimates and corrects the drift of the sample.
 
 pub mod anderson;
+pub mod applied;
 pub mod bins;
 pub mod cloud;
 pub mod coarse;
 pub mod correction;
+pub mod correlation;
 pub mod curve;
 pub mod displacement;
 pub mod entropy;

@@ -21,6 +21,8 @@ pub struct Link {
 pub struct Solution {
     /// Position of each segment; their mean is 0.
     pub positions: Vec<[f64; 3]>,
+    /// Number of links that were used.
+    pub used: usize,
     /// The links that were left out.
     pub rejected: Vec<Link>,
     /// Root mean square of the residuals of the others, nm.
@@ -71,6 +73,7 @@ pub fn solve(segments: usize, links: &[Link], tolerance: f64) -> Option<Solution
     Some(Solution {
         residual: (sum / links.len().max(1) as f64).sqrt(),
         positions,
+        used: links.len(),
         rejected,
     })
 }
