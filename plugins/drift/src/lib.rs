@@ -1,7 +1,9 @@
 //! Estimates and corrects the drift of the sample.
 
+pub mod aim;
 pub mod anderson;
 pub mod applied;
+pub mod beads;
 pub mod bins;
 pub mod cloud;
 pub mod coarse;

@@ -5,10 +5,12 @@ use crate::curve::Interpolation;
 use puncta_sdk::documents::units;
 use puncta_sdk::{Choice, Failure, Input, Map, Plan, Request};
 
+pub mod aim;
 pub mod apply;
 pub mod auto;
 pub mod autocorrelation;
 pub mod entropy;
+pub mod fiducials;
 pub mod rcc;
 pub mod transmitted;
 
