@@ -127,6 +127,36 @@ pub const CALLS: &[Case] = &[
         "{}",
         "sim_1000000.csv",
     ),
+    (
+        "drift_1000000",
+        "puncta.drift.auto/1",
+        "{}",
+        "sim_1000000_drift_locs.hdf5",
+    ),
+    (
+        "drift_100000",
+        "puncta.drift.auto/1",
+        "{}",
+        "sim_100000_drift_locs.hdf5",
+    ),
+    (
+        "drift_10000000",
+        "puncta.drift.auto/1",
+        "{}",
+        "sim_10000000_drift_locs.hdf5",
+    ),
+    (
+        "drift_1000000_aim",
+        "puncta.drift.aim/1",
+        "{}",
+        "sim_1000000_drift_locs.hdf5",
+    ),
+    (
+        "drift_1000000_rcc",
+        "puncta.drift.rcc/1",
+        "{}",
+        "sim_1000000_drift_locs.hdf5",
+    ),
 ];
 
 /// Runs a case of [`CALLS`]. Its digest: the rows of each output and the numbers of each report.
