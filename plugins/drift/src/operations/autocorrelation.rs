@@ -50,11 +50,13 @@ impl Operation for Autocorrelation {
             .input(input());
         outputs(info)
             .cite("Z. R. Connerty-Marin, Quantifying Membrane Topology at the Nanoscale, PhD thesis, Yale University, 2022, appendix B")
-            .example(json!({ "precision": 5 }))
+            .example(json!({ "precision": 5, "segment": 2500 }))
             .example_input(
                 "table",
                 "puncta.synthetic.membrane/1",
-                json!({ "copies": 4, "fwhm_x": 60, "fwhm_y": 60, "fwhm_z": 60 }),
+                json!({
+                    "acceptance": 0.02, "copies": 8, "fwhm_x": 60, "fwhm_y": 60, "fwhm_z": 60
+                }),
             )
     }
 

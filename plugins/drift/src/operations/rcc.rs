@@ -54,7 +54,9 @@ impl Operation for Rcc {
             .example_input(
                 "table",
                 "puncta.synthetic.membrane/1",
-                json!({ "copies": 4, "fwhm_x": 60, "fwhm_y": 60, "fwhm_z": 60 }),
+                json!({
+                    "acceptance": 0.02, "copies": 8, "fwhm_x": 60, "fwhm_y": 60, "fwhm_z": 60
+                }),
             )
     }
 
