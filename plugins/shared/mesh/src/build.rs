@@ -39,25 +39,31 @@ impl Starts {
     }
 }
 
-/// Why triangles are not a mesh: checks that need no neighbourhood.
+/// Checks that vertices and half-edges can be numbered with 32 bits.
 ///
 /// # Errors
-/// Too many triangles, an index that does not exist, or a triangle with a vertex twice.
-pub(crate) fn check_indices(vertices: usize, triangles: &[[u32; 3]]) -> Result<(), Failure> {
-    if vertices >= NONE as usize || triangles.len() >= NONE as usize / 3 {
-        let message = format!(
-            "a mesh of {vertices} vertices and {} triangles is too large",
-            triangles.len()
-        );
-        return Err(Failure::bad_input(message).remedy(
-            "meshes may have up to 4 thousand million vertices and 1.4 thousand million triangles",
-        ));
+/// When they cannot.
+pub(crate) fn check_size(vertices: usize, triangles: usize) -> Result<(), Failure> {
+    if vertices >= NONE as usize / 2 || triangles >= NONE as usize / 6 {
+        let message =
+            format!("a mesh of {vertices} vertices and {triangles} triangles is too large");
+        let most = "meshes may have up to 2000 million vertices and 700 million triangles";
+        return Err(Failure::bad_input(message).remedy(most));
     }
+    Ok(())
+}
+
+/// Checks that all vertices that triangles name exist.
+///
+/// # Errors
+/// The first one that does not; or too many triangles.
+pub(crate) fn check_indices(vertices: usize, triangles: &[[u32; 3]]) -> Result<(), Failure> {
+    check_size(vertices, triangles.len())?;
     for (row, triangle) in triangles.iter().enumerate() {
         if let Some(corner) = triangle.iter().find(|corner| **corner as usize >= vertices) {
             let message =
                 format!("triangle {row} names vertex {corner}, but there are {vertices} vertices");
-            return Err(Failure::bad_input(message).row(row as u64));
+            return Err(repairable(message).row(row as u64));
         }
     }
     Ok(())

@@ -130,7 +130,7 @@ pub fn describe(mesh: &Mesh) -> (Vec<Component>, Vec<u32>) {
 
 /// The triangles for which `keep` says yes to their component, with all vertices as they are.
 #[must_use]
-pub fn keep_components(mesh: &Mesh, keep: impl Fn(&Component) -> bool) -> Mesh {
+pub fn keep_components(mesh: &Mesh, keep: impl FnMut(&Component) -> bool) -> Mesh {
     let (all, of) = describe(mesh);
     let kept: Vec<bool> = all.iter().map(keep).collect();
     let mut result = mesh.clone();
