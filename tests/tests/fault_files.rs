@@ -163,3 +163,24 @@ fn what_a_library_leaves_behind_when_it_is_opened_is_gone() {
     });
     describer.end();
 }
+
+/// Takes the minute after which a silent worker is ended.
+#[test]
+fn a_library_that_hangs_when_it_is_opened_is_ended() {
+    if std::env::var_os("PUNCTA_TEST_ALL").is_none() {
+        return;
+    }
+    let _turn = turn();
+    std::thread::scope(|scope| {
+        for phase in OPENING {
+            scope.spawn(move || {
+                let describer = Describer::new();
+                let asked = describer.ask(&format!("{phase} hang library"));
+                let text = asked.unwrap_err().to_string();
+                has(&text, &["puncta_test_fault", "did not answer"], phase);
+                assert!(describer.ask("").is_ok());
+            });
+        }
+    });
+    left::nothing();
+}

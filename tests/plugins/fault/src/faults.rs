@@ -123,7 +123,7 @@ impl Fault {
     }
 }
 
-const LONG: Duration = Duration::from_secs(60);
+const LONG: Duration = Duration::from_secs(300);
 
 fn keep(file: std::fs::File) {
     std::mem::forget(file);
