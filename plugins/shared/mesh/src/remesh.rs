@@ -192,11 +192,17 @@ impl Work<'_> {
 
     /// Flips edges towards six neighbours a vertex, four at the boundary.
     fn flip(&mut self) -> Result<(), Cancelled> {
+        let mesh = &*self.mesh;
+        // Neighbours of each vertex beyond the ideal.
+        let mut excess = by_item(self.run, mesh.positions().len(), |v| {
+            let ideal = if mesh.at_boundary(v as u32) { 4 } else { 6 };
+            mesh.valence(v as u32) as i64 - ideal
+        })?;
         for _ in 0..5 {
             let mut flips = 0;
             for h in 0..self.mesh.half_edges() {
                 self.poll(h as usize)?;
-                if h < self.mesh.twin(h) && self.mesh.is_live(h) && self.flip_one(h) {
+                if h < self.mesh.twin(h) && self.mesh.is_live(h) && self.flip_one(h, &mut excess) {
                     flips += 1;
                 }
             }
@@ -207,20 +213,17 @@ impl Work<'_> {
         Ok(())
     }
 
-    fn flip_one(&mut self, h: u32) -> bool {
+    fn flip_one(&mut self, h: u32, excess: &mut [i64]) -> bool {
         let mesh = &*self.mesh;
         let twin = mesh.twin(h);
         if twin == NONE {
             return false;
         }
         let corners = [h, twin, prev(h), prev(twin)].map(|h| mesh.from(h));
-        let excess = corners.map(|v| {
-            let ideal = if mesh.at_boundary(v) { 4 } else { 6 };
-            mesh.valence(v) as i64 - ideal
-        });
+        let now = corners.map(|v| excess[v as usize]);
+        let then = [now[0] - 1, now[1] - 1, now[2] + 1, now[3] + 1];
         let cost = |excess: [i64; 4]| excess.iter().map(|e| e * e).sum::<i64>();
-        let [a, b, c, d] = excess;
-        if cost([a - 1, b - 1, c + 1, d + 1]) >= cost(excess) {
+        if cost(then) >= cost(now) {
             return false;
         }
         let [a, b, c, d] = corners.map(|v| mesh.position(v));
@@ -230,7 +233,13 @@ impl Work<'_> {
         if dot(unit(one), up) < 1.0 || dot(unit(two), up) < 1.0 {
             return false;
         }
-        self.mesh.flip(h)
+        let flipped = self.mesh.flip(h);
+        if flipped {
+            for (v, then) in corners.into_iter().zip(then) {
+                excess[v as usize] = then;
+            }
+        }
+        flipped
     }
 
     /// Moves vertices along the surface to the middle of their triangles.
