@@ -11,9 +11,13 @@ pub fn bundle() -> Bundle {
     Bundle::of(&[
         "puncta_plugin_chaining",
         "puncta_plugin_cluster",
+        "puncta_plugin_drift",
         "puncta_plugin_filter",
+        "puncta_plugin_frc",
         "puncta_plugin_hdf5",
+        "puncta_plugin_precision",
         "puncta_plugin_render",
+        "puncta_plugin_ripley",
         "puncta_plugin_text",
         "puncta_test_sample",
     ])
