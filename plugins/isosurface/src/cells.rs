@@ -83,18 +83,16 @@ impl Walk<'_> {
                 continue;
             }
             let mut next = *state;
-            for axis in 0..3 {
-                if choices[axis] == 2 {
-                    next.fixed |= 1 << axis;
-                }
+            for (axis, choice) in choices.into_iter().enumerate() {
+                next.fixed |= u8::from(choice == 2) << axis;
             }
             let mut sides = 0;
             for (octant, at) in next.nodes.iter_mut().enumerate() {
                 if !self.is_leaf(*at) {
                     let mut child = 0;
-                    for axis in 0..3 {
+                    for (axis, choice) in choices.into_iter().enumerate() {
                         let high = octant >> axis & 1;
-                        let bit = match choices[axis] {
+                        let bit = match choice {
                             _ if fixed(axis) => 1 - high,
                             2 => high,
                             half => half,

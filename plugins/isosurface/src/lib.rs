@@ -9,7 +9,10 @@ pub mod field;
 pub mod march;
 pub mod operation;
 pub mod output;
+pub mod quality;
+pub mod score;
 pub mod surface;
+pub mod truth;
 pub mod vector;
 
 puncta_sdk::plugin! {

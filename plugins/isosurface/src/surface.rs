@@ -143,9 +143,9 @@ impl Surface {
             let mut keep = |v: u32| counts[groups.find(v) as usize] >= fewest.max(1);
             let mut numbers = vec![NONE; self.positions.len()];
             let mut next = 0;
-            for v in 0..self.positions.len() {
+            for (v, number) in numbers.iter_mut().enumerate() {
                 if keep(v as u32) {
-                    numbers[v] = next;
+                    *number = next;
                     self.positions[next as usize] = self.positions[v];
                     self.sizes[next as usize] = self.sizes[v];
                     next += 1;

@@ -16,6 +16,7 @@ pub fn bundle() -> Bundle {
         "puncta_plugin_frc",
         "puncta_plugin_hdf5",
         "puncta_plugin_precision",
+        "puncta_plugin_isosurface",
         "puncta_plugin_render",
         "puncta_plugin_ripley",
         "puncta_plugin_text",
