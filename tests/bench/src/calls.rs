@@ -13,24 +13,6 @@ type Case = (&'static str, &'static str, &'static str, &'static str);
 /// The cases, by operation.
 pub const CALLS: &[Case] = &[
     (
-        "isosurface_points_200000",
-        "puncta.isosurface.octree/1",
-        "{}",
-        "shell_200000.csv",
-    ),
-    (
-        "isosurface_points_1700000",
-        "puncta.isosurface.octree/1",
-        "{}",
-        "shell_1700000.csv",
-    ),
-    (
-        "isosurface_points_10000000",
-        "puncta.isosurface.octree/1",
-        "{}",
-        "shell_10000000.csv",
-    ),
-    (
         "frc_58844",
         "puncta.frc.table/1",
         r#"{"pixel_size": 10, "split": "random", "repeats": 1, "x_min": 15000, "x_max": 25000, "y_min": 15000, "y_max": 25000}"#,
