@@ -15,6 +15,8 @@ pub mod histogram2d;
 mod histogram3;
 mod jitter;
 pub mod normal;
+#[cfg(test)]
+mod operation_tests;
 mod output;
 mod parameters;
 mod quadtree;

@@ -8,15 +8,34 @@
 
 use crate::field::Field;
 use crate::samples::{Cloud, Sampling, distinct};
-use delaunator::{EMPTY, Point, triangulate};
 use puncta_sdk::run::{chunks_mut, map};
 use puncta_sdk::{Cancelled, Run};
+use spade::{DelaunayTriangulation, HasPosition, Point2, Triangulation};
 
 /// Triangles with less area (in pixels) give to the pixels of the middles of their sides: their
 /// densities would drown the digits of others.
 const LEAST_AREA: f64 = 1e-7;
 /// Bands of rows that are drawn in parallel.
 const BANDS: usize = 32;
+
+/// Positions nearer to zero than this are zero: the triangulation takes no smaller ones.
+const LEAST_POSITION: f64 = 1e-30;
+
+/// A corner of triangles.
+#[derive(Clone, Copy)]
+struct Corner {
+    at: Point2<f64>,
+    /// Localisations there.
+    count: u32,
+}
+
+impl HasPosition for Corner {
+    type Scalar = f64;
+
+    fn position(&self) -> Point2<f64> {
+        self.at
+    }
+}
 
 /// An edge of the triangulation, with the density on its right less that on its left.
 #[derive(Clone, Copy, Default)]
@@ -131,27 +150,40 @@ fn draw(
     run: &dyn Run,
 ) -> Result<Drawing, Cancelled> {
     let (points, counts) = distinct(cloud.sample(sampling, number, run)?);
-    let points: Vec<Point> = points.into_iter().map(|[x, y]| Point { x, y }).collect();
     if run.cancelled() {
         return Err(Cancelled);
     }
-    let mesh = triangulate(&points);
+    let near_zero = |v: f64| if v.abs() < LEAST_POSITION { 0.0 } else { v };
+    let corners = points
+        .into_iter()
+        .zip(counts)
+        .map(|([x, y], count)| Corner {
+            at: Point2::new(near_zero(x), near_zero(y)),
+            count,
+        });
+    // Positions are finite and not too small, so that it cannot fail.
+    let mesh = DelaunayTriangulation::<Corner>::bulk_load(corners.collect()).unwrap_or_default();
+    if run.cancelled() {
+        return Err(Cancelled);
+    }
     let mut drawing = Drawing::default();
-    let mut meeting = vec![0_u32; points.len()];
-    mesh.triangles
-        .iter()
-        .for_each(|corner| meeting[*corner] += 1);
-    let share = |corner: usize| f64::from(counts[corner]) / f64::from(meeting[corner]);
-    let used = meeting
-        .iter()
-        .zip(&counts)
-        .filter(|(meeting, _)| **meeting > 0);
-    drawing.shown = used.map(|(_, count)| u64::from(*count)).sum();
-    let mut densities = Vec::with_capacity(mesh.triangles.len() / 3);
-    for corners in mesh.triangles.as_chunks::<3>().0 {
-        let [a, b, c] = corners.map(|corner| &points[corner]);
+    let mut meeting = vec![0_u32; mesh.num_vertices()];
+    for face in mesh.inner_faces() {
+        face.vertices()
+            .iter()
+            .for_each(|corner| meeting[corner.index()] += 1);
+    }
+    let used = mesh.vertices().filter(|corner| meeting[corner.index()] > 0);
+    drawing.shown = used.map(|corner| u64::from(corner.data().count)).sum();
+    // Faces are numbered from the one outside, which has none.
+    let mut densities = vec![0.0; mesh.num_all_faces()];
+    for face in mesh.inner_faces() {
+        let corners = face.vertices();
+        let share = |corner: &Corner, meeting: u32| f64::from(corner.count) / f64::from(meeting);
+        let shares = corners.iter().map(|c| share(c.data(), meeting[c.index()]));
+        let weight = shares.sum::<f64>();
+        let [a, b, c] = corners.map(|corner| corner.position());
         let area = 0.5 * ((b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x));
-        let weight = corners.iter().map(|corner| share(*corner)).sum::<f64>();
         if area.abs() < LEAST_AREA {
             for (p, q) in [(a, b), (b, c), (c, a)] {
                 let middle = [0.5 * (p.x + q.x), 0.5 * (p.y + q.y)];
@@ -159,28 +191,21 @@ fn draw(
                     .weights
                     .extend(layout.pixel(middle).map(|pixel| (pixel, weight / 3.0)));
             }
-            densities.push(0.0);
         } else {
-            // Corners in the other sense have a negative area, and the density is on the left.
-            densities.push(-weight / area);
+            // Edges run with the triangle on the left, and add what lies to the right.
+            densities[face.index()] = -weight / area;
         }
     }
-    let mut edges = Vec::with_capacity(mesh.triangles.len() / 2 + mesh.hull.len());
-    for (side, twin) in mesh.halfedges.iter().enumerate() {
-        if *twin != EMPTY && *twin < side {
-            continue;
-        }
-        let other = if *twin == EMPTY {
-            0.0
-        } else {
-            densities[twin / 3]
-        };
-        let step = densities[side / 3] - other;
-        let next = if side % 3 == 2 { side - 2 } else { side + 1 };
-        let [from, to] = [side, next]
-            .map(|s| &points[mesh.triangles[s]])
-            .map(|p| [p.x, p.y]);
-        edges.push(Edge { from, to, step });
+    let mut edges = Vec::with_capacity(mesh.num_undirected_edges());
+    for edge in mesh.undirected_edges() {
+        let edge = edge.as_directed();
+        let step = densities[edge.face().index()] - densities[edge.rev().face().index()];
+        let [from, to] = [edge.from(), edge.to()].map(|corner| corner.position());
+        edges.push(Edge {
+            from: [from.x, from.y],
+            to: [to.x, to.y],
+            step,
+        });
     }
     layout.sort(&edges, &mut drawing);
     Ok(drawing)
@@ -296,158 +321,13 @@ fn part(line: &mut [f64], width: usize, x: [f64; 2], step: f64) {
         0.5 * (a + b) * inside + after
     };
     let mut before = 0.0;
-    for pixel in first..last {
+    for (pixel, sum) in line.iter_mut().enumerate().take(last).skip(first) {
         let now = covered(pixel);
-        line[pixel] += step * (now - before);
+        *sum += step * (now - before);
         before = now;
     }
     line[last] += step * (1.0 - before);
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::testing::{Random, plane, sum};
-    use puncta_testkit::Threads;
-
-    fn cloud(points: Vec<[f64; 2]>, spread: f64) -> Cloud<2> {
-        let spread = vec![[spread; 2]; points.len()];
-        Cloud {
-            points,
-            spread,
-            invalid: 0,
-        }
-    }
-
-    fn image(cloud: &Cloud<2>, sampling: &Sampling, field: &Field, threads: usize) -> Vec<f32> {
-        let mut out = vec![f32::NAN; field.pixels()];
-        triangles2d(cloud, sampling, field, 1.0, &mut out, &Threads(threads)).unwrap();
-        out
-    }
-
-    const ONCE: Sampling = Sampling {
-        samples: 1,
-        keep: 1.0,
-        seed: 1,
-    };
-
-    fn random(count: usize, low: f64, high: f64) -> Vec<[f64; 2]> {
-        let mut random = Random::new(count as u64);
-        let (x, y) = (random.many(count, low, high), random.many(count, low, high));
-        x.into_iter().zip(y).map(|(x, y)| [x, y]).collect()
-    }
-
-    #[test]
-    fn a_triangle_covers_its_pixels_exactly() {
-        // Area 8 for three localisations; the diagonal halves the pixels on it.
-        let corners = cloud(vec![[1.0, 1.0], [5.0, 1.0], [1.0, 5.0]], 0.0);
-        let found = image(&corners, &ONCE, &plane(0.0, 0.0, 1.0, 6, 6), 2);
-        for (i, value) in found.iter().enumerate() {
-            let (x, y) = (i % 6, i / 6);
-            let share = match (x, y) {
-                (1..=4, 1..=4) if x + y < 5 => 1.0,
-                (1..=4, 1..=4) if x + y == 5 => 0.5,
-                _ => 0.0,
-            };
-            assert!(
-                (f64::from(*value) - share * 3.0 / 8.0).abs() < 1e-7,
-                "{x} {y} {value}"
-            );
-        }
-    }
-
-    #[test]
-    fn every_localisation_is_in_the_image_whatever_the_size_of_triangles() {
-        for count in [3, 4, 50, 3000, 40_000] {
-            let points = random(count, 3.3, 60.2);
-            let field = plane(0.0, 0.0, 1.0, 64, 64);
-            let found = image(&cloud(points, 0.0), &ONCE, &field, 2);
-            assert!(
-                (sum(&found) - count as f64).abs() < 1e-4 * count as f64,
-                "{count} {}",
-                sum(&found)
-            );
-        }
-        // A lattice, and every point four times.
-        let lattice: Vec<[f64; 2]> = (0..1600)
-            .map(|i| [f64::from(i % 20) + 2.0, f64::from(i / 20 % 20) + 2.0])
-            .collect();
-        let found = image(
-            &cloud(lattice, 0.0),
-            &ONCE,
-            &plane(0.0, 0.0, 1.0, 25, 25),
-            2,
-        );
-        assert!((sum(&found) - 1600.0).abs() < 1e-2);
-        assert!((found[12 * 25 + 12] - 4.0).abs() < 1e-5);
-    }
-
-    #[test]
-    fn a_crop_is_the_crop_of_the_image() {
-        let points = random(500, -5.0, 45.0);
-        let whole = image(
-            &cloud(points.clone(), 0.0),
-            &ONCE,
-            &plane(0.0, 0.0, 1.0, 40, 40),
-            2,
-        );
-        let moved = points.iter().map(|[x, y]| [x - 10.0, y - 20.0]).collect();
-        let crop = image(&cloud(moved, 0.0), &ONCE, &plane(0.0, 0.0, 1.0, 15, 10), 2);
-        for (i, value) in crop.iter().enumerate() {
-            let same = whole[(i / 15 + 20) * 40 + i % 15 + 10];
-            assert!(
-                (value - same).abs() < 1e-5 * same.max(1e-3),
-                "{i} {value} {same}"
-            );
-        }
-    }
-
-    #[test]
-    fn the_density_of_complete_randomness_is_found() {
-        // 2 per pixel; the jitter of 10 samples smooths the triangles.
-        let cloud = cloud(random(20_000, 0.0, 100.0), 1.5);
-        let sampling = Sampling {
-            samples: 10,
-            keep: 1.0,
-            seed: 3,
-        };
-        let field = plane(10.0, 10.0, 1.0, 80, 80);
-        let cloud = Cloud {
-            points: cloud
-                .points
-                .iter()
-                .map(|[x, y]| [x - 10.0, y - 10.0])
-                .collect(),
-            ..cloud
-        };
-        let found = image(&cloud, &sampling, &field, 2);
-        let mean = sum(&found) / found.len() as f64;
-        assert!((mean - 2.0).abs() < 0.03, "{mean}");
-        let spread = found
-            .iter()
-            .map(|v| (f64::from(*v) - mean).powi(2))
-            .sum::<f64>();
-        assert!((spread / found.len() as f64).sqrt() < 0.7);
-        let subset = Sampling {
-            keep: 0.3,
-            ..sampling
-        };
-        let mean = sum(&image(&cloud, &subset, &field, 2)) / found.len() as f64;
-        assert!((mean - 2.0).abs() < 0.06, "{mean}");
-        for threads in [1, 3] {
-            assert!(found == image(&cloud, &sampling, &field, threads));
-        }
-    }
-
-    #[test]
-    fn points_on_a_line_show_nothing() {
-        let mut out = vec![f32::NAN; 100];
-        let field = plane(0.0, 0.0, 1.0, 10, 10);
-        for count in [0, 1, 2, 9] {
-            let line = (0..count).map(|i| [f64::from(i), f64::from(i)]).collect();
-            let shown = triangles2d(&cloud(line, 0.0), &ONCE, &field, 1.0, &mut out, &Threads(2));
-            assert_eq!(shown, Ok(0.0));
-            assert!(out.iter().all(|v| *v == 0.0));
-        }
-    }
-}
+mod tests;
