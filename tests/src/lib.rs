@@ -2,6 +2,7 @@
 #![allow(clippy::expect_used, clippy::unwrap_used, clippy::missing_panics_doc)]
 
 pub mod faults;
+pub mod lab;
 pub mod left;
 
 use puncta_engine::engine::Options;
