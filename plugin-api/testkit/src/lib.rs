@@ -13,9 +13,11 @@ mod host;
 mod memory;
 mod object;
 mod pool;
+mod random;
 
 pub use object::{Done, Object, Table};
 pub use pool::{Stopped, Threads};
+pub use random::Random;
 
 use puncta_sdk::documents::schema::canonical;
 use puncta_sdk::documents::{FileRef, InputRef};

@@ -2,31 +2,8 @@
 
 use crate::chain::{Chains, chain};
 use crate::spots::{Radius, Rows, spots};
+pub use puncta_testkit::Random;
 use puncta_testkit::Threads;
-
-/// Random numbers for tests.
-pub struct Random(pub u64);
-
-impl Random {
-    /// The next number (SplitMix64).
-    pub fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mixed = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        mixed ^ (mixed >> 31)
-    }
-
-    /// Uniform in [0, 1).
-    pub fn unit(&mut self) -> f64 {
-        (self.next() >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    /// Normal with standard deviation 1.
-    pub fn normal(&mut self) -> f64 {
-        let radius = (-2.0 * (1.0 - self.unit()).ln()).sqrt();
-        radius * (std::f64::consts::TAU * self.unit()).cos()
-    }
-}
 
 /// Localisations of a test.
 #[derive(Clone, Default)]

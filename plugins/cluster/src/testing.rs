@@ -1,31 +1,8 @@
 //! What several tests of this plugin need.
 
+pub use puncta_testkit::Random;
 use std::collections::HashMap;
 use std::path::PathBuf;
-
-/// Random numbers for tests.
-pub struct Random(pub u64);
-
-impl Random {
-    /// The next number (SplitMix64).
-    pub fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mixed = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        mixed ^ (mixed >> 31)
-    }
-
-    /// Uniform in [0, 1).
-    pub fn unit(&mut self) -> f64 {
-        (self.next() >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    /// Normal with standard deviation 1.
-    pub fn normal(&mut self) -> f64 {
-        let radius = (-2.0 * (1.0 - self.unit()).ln()).sqrt();
-        radius * (std::f64::consts::TAU * self.unit()).cos()
-    }
-}
 
 /// Gaussian clusters in a cube of side 1 um per cluster's root, with noise of label 0.
 pub fn planted(

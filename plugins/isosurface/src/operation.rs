@@ -168,10 +168,10 @@ mod tests {
     use puncta_testkit::{Call, Done, Table};
 
     fn sphere(count: usize) -> [Vec<f64>; 3] {
-        let mut random = crate::tests::Random(5);
+        let mut random = puncta_testkit::Random(5);
         let mut columns: [Vec<f64>; 3] = Default::default();
         for _ in 0..count {
-            let p = random.direction().map(|x| 100.0 * x);
+            let p = crate::tests::direction(&mut random).map(|x| 100.0 * x);
             crate::tests::push(&mut columns, p);
         }
         columns

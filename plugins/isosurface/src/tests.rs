@@ -5,6 +5,7 @@ use puncta_plugin_synthetic::parameters::Parameters;
 use puncta_plugin_synthetic::shape::Shape;
 use puncta_plugin_synthetic::simulate::simulate;
 use puncta_sdk::run::Serial;
+use puncta_testkit::Random;
 use std::collections::HashMap;
 use std::f64::consts::PI;
 
@@ -50,28 +51,11 @@ pub fn defects(surface: &Surface) -> [usize; 5] {
     [boundary, crowded, flipped, degenerate, pinched]
 }
 
-pub struct Random(pub u64);
-
-impl Random {
-    pub fn unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    pub fn normal(&mut self) -> f64 {
-        let radius = (-2.0 * (1.0 - self.unit()).ln()).sqrt();
-        radius * (std::f64::consts::TAU * self.unit()).cos()
-    }
-
-    pub fn direction(&mut self) -> Point {
-        let z = 2.0 * self.unit() - 1.0;
-        let (sin, cos) = (std::f64::consts::TAU * self.unit()).sin_cos();
-        let r = (1.0 - z * z).sqrt();
-        [r * cos, r * sin, z]
-    }
+pub fn direction(random: &mut Random) -> Point {
+    let z = 2.0 * random.unit() - 1.0;
+    let (sin, cos) = (std::f64::consts::TAU * random.unit()).sin_cos();
+    let r = (1.0 - z * z).sqrt();
+    [r * cos, r * sin, z]
 }
 
 pub type Columns = [Vec<f64>; 3];
@@ -90,7 +74,7 @@ fn shell(count: usize, radius: f64, sigma: f64, seed: u64) -> Columns {
     let mut random = Random(seed);
     let mut columns = Columns::default();
     for _ in 0..count {
-        let direction = random.direction();
+        let direction = direction(&mut random);
         let noise = [random.normal(), random.normal(), random.normal()];
         let point = std::array::from_fn(|a| 3000.0 + radius * direction[a] + sigma * noise[a]);
         push(&mut columns, point);

@@ -195,7 +195,7 @@ mod tests {
             (Shape::Junction, synthetic::Shape::Junction),
             (Shape::Er, synthetic::Shape::Er),
         ];
-        let mut random = crate::tests::Random(1);
+        let mut random = puncta_testkit::Random(1);
         for (shape, other) in pairs {
             let truth = Truth {
                 shape,
