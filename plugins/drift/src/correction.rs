@@ -148,6 +148,14 @@ impl<'a> Localisations<'a> {
         if self.z.is_some() { 3 } else { 2 }
     }
 
+    /// The distinct times, and where each row belongs.
+    ///
+    /// # Errors
+    /// When cancelled.
+    pub fn frames(&self, run: &dyn Run) -> Result<Frames, Failure> {
+        Frames::new(&self.columns(), run)
+    }
+
     /// Frames and localisations in canonical order.
     ///
     /// # Errors
@@ -158,7 +166,7 @@ impl<'a> Localisations<'a> {
             sigma: precision,
             axial_ratio: 2.5,
         };
-        let frames = Frames::new(&columns, run)?;
+        let frames = self.frames(run)?;
         let cloud = Cloud::new(&columns, &frames, &assumed, run)?;
         Ok((frames, cloud))
     }

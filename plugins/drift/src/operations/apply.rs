@@ -73,7 +73,7 @@ impl Operation for Apply {
 
     fn run(&self, job: &Job) -> Result<(), Failure> {
         let locs = Localisations::read(&job.input("table")?, self.axes)?;
-        let (frames, _) = locs.cloud(10.0, job)?;
+        let frames = locs.frames(job)?;
         let columns = [&self.time, &self.x, &self.y, &self.z].map(|column| &**column);
         let samples = samples(&job.input("drift_table")?, columns, self.factor)?;
         let curve = samples.curve(1)?;

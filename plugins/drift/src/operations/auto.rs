@@ -132,7 +132,7 @@ impl Operation for Auto {
             .example_input(
                 "table",
                 "puncta.synthetic.membrane/1",
-                json!({ "copies": 4, "fwhm_x": 60, "fwhm_y": 60, "fwhm_z": 60 }),
+                super::example().into(),
             )
     }
 

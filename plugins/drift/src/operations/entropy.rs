@@ -56,7 +56,7 @@ impl Operation for Entropy {
             .example_input(
                 "table",
                 "puncta.synthetic.membrane/1",
-                json!({ "copies": 4, "fwhm_x": 60, "fwhm_y": 60, "fwhm_z": 60 }),
+                super::example().into(),
             )
     }
 

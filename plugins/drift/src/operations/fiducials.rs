@@ -205,7 +205,7 @@ impl Operation for Fiducials {
         let (seen, traces) = self.traces(markers, job)?;
         let found = shared(&traces, locs.axes(), job)?;
         let estimate = self.estimate(&seen, &found);
-        let frames = Frames::new(&locs.columns(), job)?;
+        let frames = locs.frames(job)?;
         let drift = Drift::of(&estimate, &frames, self.reference);
         let mut report = known(&drift, &frames, locs.axes(), estimate.curve.times.len());
         let used = found.used.iter().filter(|used| **used).count();

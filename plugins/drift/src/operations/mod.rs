@@ -9,6 +9,7 @@ pub mod aim;
 pub mod apply;
 pub mod auto;
 pub mod autocorrelation;
+pub mod correlated;
 pub mod entropy;
 pub mod fiducials;
 pub mod rcc;

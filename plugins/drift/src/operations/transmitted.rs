@@ -72,7 +72,7 @@ impl Operation for Transmitted {
 
     fn run(&self, job: &Job) -> Result<(), Failure> {
         let locs = Localisations::read(&job.input("table")?, self.axes)?;
-        let (frames, _) = locs.cloud(10.0, job)?;
+        let frames = locs.frames(job)?;
         let columns = [&self.time, &self.x, &self.y, &self.z].map(|column| &**column);
         let samples = samples(&job.input("events")?, columns, self.unit_length)?;
         let curve = samples.curve(self.median)?;
