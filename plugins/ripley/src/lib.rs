@@ -11,6 +11,7 @@ pub mod op_k;
 pub mod op_nearest;
 pub mod op_pairs;
 pub mod pairs;
+pub mod place;
 pub mod polygon;
 pub mod ripley;
 pub mod simulate;

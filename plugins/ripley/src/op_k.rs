@@ -2,12 +2,10 @@
 
 use crate::bins::Bins;
 use crate::envelope::{Envelope, Simulation, check, envelope, simulated};
+use crate::place::{Place, Study, region, tables};
 use crate::ripley::{Curves, Edges, Sets, rings};
 use crate::simulate::{self, Null};
-use crate::study::{
-    Bounds, Members, Region, bins, cuboid, extent, flat, members, others, plan_region, points, say,
-    table, tell,
-};
+use crate::study::{Members, Region, bins, say, table};
 use crate::window::Window;
 use puncta_sdk::documents::{Figure, Series};
 use puncta_sdk::prelude::*;
@@ -42,26 +40,9 @@ pub struct Ripley {
     /// Correction for what lies beyond the boundary.
     #[param(default = Edges::Isotropic)]
     edges: Edges,
-    /// Column with the third coordinate, such as z; in the plane if left out.
-    z: Option<Column>,
-    /// Low end of the region in x; from the localisations if left out.
-    #[param(unit = "nm")]
-    x_min: Option<f64>,
-    /// High end of the region in x; from the localisations if left out.
-    #[param(unit = "nm")]
-    x_max: Option<f64>,
-    /// Low end of the region in y; from the localisations if left out.
-    #[param(unit = "nm")]
-    y_min: Option<f64>,
-    /// High end of the region in y; from the localisations if left out.
-    #[param(unit = "nm")]
-    y_max: Option<f64>,
-    /// Low end of the region in z; from the localisations if left out.
-    #[param(unit = "nm")]
-    z_min: Option<f64>,
-    /// High end of the region in z; from the localisations if left out.
-    #[param(unit = "nm")]
-    z_max: Option<f64>,
+    /// Where.
+    #[param(flatten)]
+    place: Place,
     /// Number of simulated patterns for envelopes and p-values; none if 0.
     #[param(default = 0, min = 0, max = 100000)]
     simulations: usize,
@@ -80,72 +61,6 @@ pub struct Ripley {
 }
 
 impl Ripley {
-    fn bounds(&self) -> Bounds {
-        Bounds {
-            ends: [
-                [self.x_min, self.x_max],
-                [self.y_min, self.y_max],
-                [self.z_min, self.z_max],
-            ],
-        }
-    }
-
-    fn study<const D: usize>(
-        &self,
-        job: &Job,
-        region: &Region<impl Window<D>>,
-    ) -> Result<(), Failure> {
-        let window: &dyn Window<D> = &region.window;
-        let bins = bins(self.step, self.r_max, Bins::up_to)?;
-        let one = members(points::<D>(job, "table", self.z.as_ref())?, window, job)?;
-        let two = others::<D>(job, self.z.as_ref())?;
-        let two = two.map(|two| members(two, window, job)).transpose()?;
-        tell(job, "table", one.missing, one.outside);
-        if let Some(two) = &two {
-            tell(job, "other", two.missing, two.outside);
-        }
-        let sets = Sets {
-            one: one.axes(),
-            two: two.as_ref().map(Members::axes),
-        };
-        if sets.pairs() <= 0.0 {
-            let message = format!("there is no pair of localisations in the {}", region.origin);
-            return Err(Failure::bad_input(message).remedy("give two localisations or more"));
-        }
-        self.reaches(job, window, &bins)?;
-        if self.simulations > 0 {
-            simulate::check(self.null, two.is_some(), window)?;
-        }
-        job.progress(0.0, "counting pairs")?;
-        let curves = Curves::new(&rings(&sets, window, self.edges, &bins, job)?, &bins, D);
-        let around = if self.simulations > 0 {
-            let simulation = Simulation {
-                null: self.null,
-                count: self.simulations,
-                significance: self.significance,
-                seed: self.seed.0,
-            };
-            let others = simulated(&sets, window, self.edges, &bins, &simulation, job)?;
-            Some(envelope(&curves.h, &others, self.significance)?)
-        } else {
-            None
-        };
-        write_table::<D>(job, &curves, around.as_ref())?;
-        let seconds = two.as_ref().map(Members::len);
-        let caption = self.caption(window, region.origin, one.len(), seconds);
-        job.figure(&self.figure::<D>(around.is_some(), caption))?;
-        let outside = [one.missing, one.outside];
-        report(
-            job,
-            window,
-            &curves,
-            around.as_ref(),
-            one.len(),
-            seconds,
-            outside,
-        )
-    }
-
     /// Refuses or warns of radii that the region is too small for.
     fn reaches<const D: usize>(
         &self,
@@ -355,36 +270,78 @@ fn report<const D: usize>(
     job.report(&report)
 }
 
+impl Study for Ripley {
+    fn place(&self) -> &Place {
+        &self.place
+    }
+
+    fn study<const D: usize>(
+        &self,
+        job: &Job,
+        region: &Region<impl Window<D>>,
+    ) -> Result<(), Failure> {
+        let window: &dyn Window<D> = &region.window;
+        let bins = bins(self.step, self.r_max, Bins::up_to)?;
+        let (one, two) = self.place.both(job, window)?;
+        let sets = Sets {
+            one: one.axes(),
+            two: two.as_ref().map(Members::axes),
+        };
+        if sets.pairs() <= 0.0 {
+            let message = format!("there is no pair of localisations in the {}", region.origin);
+            return Err(Failure::bad_input(message).remedy("give two localisations or more"));
+        }
+        self.reaches(job, window, &bins)?;
+        if self.simulations > 0 {
+            simulate::check(self.null, two.is_some(), window)?;
+        }
+        job.progress(0.0, "counting pairs")?;
+        let curves = Curves::new(&rings(&sets, window, self.edges, &bins, job)?, &bins, D);
+        let around = if self.simulations > 0 {
+            let simulation = Simulation {
+                null: self.null,
+                count: self.simulations,
+                significance: self.significance,
+                seed: self.seed.0,
+            };
+            let others = simulated(&sets, window, self.edges, &bins, &simulation, job)?;
+            Some(envelope(&curves.h, &others, self.significance)?)
+        } else {
+            None
+        };
+        write_table::<D>(job, &curves, around.as_ref())?;
+        let seconds = two.as_ref().map(Members::len);
+        let caption = self.caption(window, region.origin, one.len(), seconds);
+        job.figure(&self.figure::<D>(around.is_some(), caption))?;
+        let outside = [one.missing, one.outside];
+        report(
+            job,
+            window,
+            &curves,
+            around.as_ref(),
+            one.len(),
+            seconds,
+            outside,
+        )
+    }
+}
+
 impl Operation for Ripley {
     const ID: &'static str = "puncta.ripley.k/1";
 
     fn info() -> Info {
-        Info::operation("Ripley's K, L and pair correlation")
+        let info = Info::operation("Ripley's K, L and pair correlation")
             .description(
                 "K, L, L - r, their slopes and the pair correlation g of the localisations of one \
                  table, or from those of one to those of another. The region is an outline, a mask, \
                  given bounds or the bounding box of the localisations, which is a little smaller \
                  than the field. Simulated patterns give envelopes and p-values.",
-            )
-            .input(Ports::table("table").column("x", "nm").column("y", "nm").column("$z", "nm"))
-            .input(
-                Ports::table("other")
-                    .column("x", "nm")
-                    .column("y", "nm")
-                    .column("$z", "nm")
-                    .optional()
-                    .description("Second set, such as another channel"),
-            )
-            .input(
-                Ports::table("outline")
-                    .column("x", "nm")
-                    .column("y", "nm")
-                    .optional()
-                    .description("Corners of the region in order"),
-            )
-            .input(Ports::image("mask").optional().description("Pixels above 0.5 are the region"))
+            );
+        region(tables(info, "Second set, such as another channel"))
             .output(Ports::table("curve").description("The curves at each radius"))
-            .output(Ports::figure("figure").description("The chosen curve, with envelopes of L - r"))
+            .output(
+                Ports::figure("figure").description("The chosen curve, with envelopes of L - r"),
+            )
             .output(Ports::report("report").description("Region, largest L - r, p-values"))
             .example(json!({"r_max": 300, "simulations": 39}))
             .example_input("table", "puncta.synthetic.membrane/1", json!({}))
@@ -397,23 +354,11 @@ impl Operation for Ripley {
         if self.simulations > 0 {
             check(self.simulations, self.significance)?;
         }
-        let mut plan = puncta_sdk::operation::default_plan::<Self>(request);
-        plan_region(&mut plan, request, &self.bounds(), self.z.is_some())?;
-        let rows: u64 = request.inputs.iter().map(|input| input.header.rows()).sum();
-        plan.memory = rows * 100 + (64 << 20);
-        Ok(plan)
+        self.place.plan::<Self>(request, 100)
     }
 
     fn run(&self, job: &Job) -> Result<(), Failure> {
-        if self.z.is_some() {
-            let data = points::<3>(job, "table", self.z.as_ref())?;
-            let region = cuboid(&self.bounds(), || extent(&data, job))?;
-            self.study::<3>(job, &region)
-        } else {
-            let data = points::<2>(job, "table", None)?;
-            let region = flat(job, &self.bounds(), || extent(&data, job))?;
-            self.study::<2>(job, &region)
-        }
+        self.run_in_region(job)
     }
 }
 

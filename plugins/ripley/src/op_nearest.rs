@@ -2,11 +2,9 @@
 
 use crate::bins::Bins;
 use crate::nearest::{alive, border, clark_evans, kaplan_meier, lattice, nearest, shares};
+use crate::place::{Place, Study, region, tables};
 use crate::ripley::ball;
-use crate::study::{
-    Bounds, Members, Region, bins, cuboid, extent, flat, members, others, plan_region, points, say,
-    table, tell,
-};
+use crate::study::{Members, Region, bins, say, table};
 use crate::window::Window;
 use puncta_sdk::documents::{Figure, Series};
 use puncta_sdk::prelude::*;
@@ -21,26 +19,9 @@ pub struct NearestNeighbours {
     /// Largest distance, rounded up to a whole step.
     #[param(default = 200, min = 1e-6, max = 1e9, unit = "nm")]
     r_max: f64,
-    /// Column with the third coordinate, such as z; in the plane if left out.
-    z: Option<Column>,
-    /// Low end of the region in x; from the localisations if left out.
-    #[param(unit = "nm")]
-    x_min: Option<f64>,
-    /// High end of the region in x; from the localisations if left out.
-    #[param(unit = "nm")]
-    x_max: Option<f64>,
-    /// Low end of the region in y; from the localisations if left out.
-    #[param(unit = "nm")]
-    y_min: Option<f64>,
-    /// High end of the region in y; from the localisations if left out.
-    #[param(unit = "nm")]
-    y_max: Option<f64>,
-    /// Low end of the region in z; from the localisations if left out.
-    #[param(unit = "nm")]
-    z_min: Option<f64>,
-    /// High end of the region in z; from the localisations if left out.
-    #[param(unit = "nm")]
-    z_max: Option<f64>,
+    /// Where.
+    #[param(flatten)]
+    place: Place,
     /// Places of the lattice from which the empty space is measured.
     #[param(default = 20000, min = 1, max = 10000000, advanced)]
     places: usize,
@@ -57,92 +38,6 @@ struct Functions {
 }
 
 impl NearestNeighbours {
-    fn bounds(&self) -> Bounds {
-        Bounds {
-            ends: [
-                [self.x_min, self.x_max],
-                [self.y_min, self.y_max],
-                [self.z_min, self.z_max],
-            ],
-        }
-    }
-
-    fn study<const D: usize>(
-        &self,
-        job: &Job,
-        region: &Region<impl Window<D>>,
-    ) -> Result<(), Failure> {
-        let window: &dyn Window<D> = &region.window;
-        let bins = bins(self.step, self.r_max, Bins::from)?;
-        let one = members(points::<D>(job, "table", self.z.as_ref())?, window, job)?;
-        let two = others::<D>(job, self.z.as_ref())?;
-        let two = two.map(|two| members(two, window, job)).transpose()?;
-        tell(job, "table", one.missing, one.outside);
-        if let Some(two) = &two {
-            tell(job, "other", two.missing, two.outside);
-        }
-        let found = two
-            .as_ref()
-            .map_or(one.len().saturating_sub(1), Members::len);
-        if one.is_empty() || found == 0 {
-            let message = format!("no localisation in the {} has a neighbour", region.origin);
-            return Err(Failure::bad_input(message).remedy("give two localisations or more"));
-        }
-        job.progress(0.1, "finding nearest neighbours")?;
-        let distances = nearest(one.axes(), two.as_ref().map(Members::axes), job)?;
-        job.progress(0.6, "measuring empty space")?;
-        let of = two.as_ref().unwrap_or(&one);
-        let density = of.len() as f64 / window.volume();
-        let functions = self.functions(job, window, &one, of, &distances, &bins)?;
-        write_table(job, &bins, &functions)?;
-        let what = match &two {
-            Some(two) => format!("From {} localisations to {}", one.len(), two.len()),
-            None => format!("{} localisations", one.len()),
-        };
-        let caption = format!(
-            "{what} in a {} ({}); Kaplan-Meier correction for its boundary",
-            window.describe(),
-            region.origin
-        );
-        figures(job, caption)?;
-        let mut report = Report::new("report");
-        say(
-            &mut report,
-            "localisations",
-            one.len() as f64,
-            "1",
-            "Localisations in the region",
-        );
-        if let Some(two) = &two {
-            say(
-                &mut report,
-                "others",
-                two.len() as f64,
-                "1",
-                "Those of the other table in it",
-            );
-        }
-        let unit = if D == 2 { "nm^-2" } else { "nm^-3" };
-        say(
-            &mut report,
-            "density",
-            density,
-            unit,
-            "Density of the neighbours in the region",
-        );
-        summary(&mut report, &distances);
-        if two.is_none() {
-            let (ratio, score) = clark_evans(&distances, density, D);
-            let text = "Mean distance over that of complete spatial randomness (Clark and Evans)";
-            say(&mut report, "clark_evans", ratio, "1", text);
-            if D == 2 {
-                let text = "Its standard score, without correction for the boundary";
-                say(&mut report, "clark_evans_score", score, "1", text);
-            }
-        }
-        job.report(&report)
-    }
-
     fn functions<const D: usize>(
         &self,
         job: &Job,
@@ -285,35 +180,94 @@ fn summary(report: &mut Report, distances: &[f64]) {
     );
 }
 
+impl Study for NearestNeighbours {
+    fn place(&self) -> &Place {
+        &self.place
+    }
+
+    fn study<const D: usize>(
+        &self,
+        job: &Job,
+        region: &Region<impl Window<D>>,
+    ) -> Result<(), Failure> {
+        let window: &dyn Window<D> = &region.window;
+        let bins = bins(self.step, self.r_max, Bins::from)?;
+        let (one, two) = self.place.both(job, window)?;
+        let found = two
+            .as_ref()
+            .map_or(one.len().saturating_sub(1), Members::len);
+        if one.is_empty() || found == 0 {
+            let message = format!("no localisation in the {} has a neighbour", region.origin);
+            return Err(Failure::bad_input(message).remedy("give two localisations or more"));
+        }
+        job.progress(0.1, "finding nearest neighbours")?;
+        let distances = nearest(one.axes(), two.as_ref().map(Members::axes), job)?;
+        job.progress(0.6, "measuring empty space")?;
+        let of = two.as_ref().unwrap_or(&one);
+        let density = of.len() as f64 / window.volume();
+        let functions = self.functions(job, window, &one, of, &distances, &bins)?;
+        write_table(job, &bins, &functions)?;
+        let what = match &two {
+            Some(two) => format!("From {} localisations to {}", one.len(), two.len()),
+            None => format!("{} localisations", one.len()),
+        };
+        let caption = format!(
+            "{what} in a {} ({}); Kaplan-Meier correction for its boundary",
+            window.describe(),
+            region.origin
+        );
+        figures(job, caption)?;
+        let mut report = Report::new("report");
+        say(
+            &mut report,
+            "localisations",
+            one.len() as f64,
+            "1",
+            "Localisations in the region",
+        );
+        if let Some(two) = &two {
+            say(
+                &mut report,
+                "others",
+                two.len() as f64,
+                "1",
+                "Those of the other table in it",
+            );
+        }
+        let unit = if D == 2 { "nm^-2" } else { "nm^-3" };
+        say(
+            &mut report,
+            "density",
+            density,
+            unit,
+            "Density of the neighbours in the region",
+        );
+        summary(&mut report, &distances);
+        if two.is_none() {
+            let (ratio, score) = clark_evans(&distances, density, D);
+            let text = "Mean distance over that of complete spatial randomness (Clark and Evans)";
+            say(&mut report, "clark_evans", ratio, "1", text);
+            if D == 2 {
+                let text = "Its standard score, without correction for the boundary";
+                say(&mut report, "clark_evans_score", score, "1", text);
+            }
+        }
+        job.report(&report)
+    }
+}
+
 impl Operation for NearestNeighbours {
     const ID: &'static str = "puncta.ripley.nearest/1";
 
     fn info() -> Info {
-        let position = |name: &str| {
-            Ports::table(name)
-                .column("x", "nm")
-                .column("y", "nm")
-                .column("$z", "nm")
-        };
-        Info::operation("Nearest-neighbour distances, G and F")
+        let info = Info::operation("Nearest-neighbour distances, G and F")
             .description(
                 "Distances from each localisation to the nearest other one, or to the nearest of \
                  another table: their histogram, their distribution function G, that of the empty \
                  space F, and J. The region is an outline, a mask, given bounds or the bounding box \
                  of the localisations.",
-            )
-            .input(position("table"))
-            .input(
-                position("other").optional().description("Neighbours, such as another channel"),
-            )
-            .input(
-                Ports::table("outline")
-                    .column("x", "nm")
-                    .column("y", "nm")
-                    .optional()
-                    .description("Corners of the region in order"),
-            )
-            .input(Ports::image("mask").optional().description("Pixels above 0.5 are the region"))
+            );
+        region(tables(info, "Neighbours, such as another channel"))
             .output(Ports::table("histogram").description("Counts and distribution functions"))
             .output(Ports::figure("figure").description("Nearest-neighbour distances"))
             .output(Ports::figure("functions").description("G and F"))
@@ -326,23 +280,11 @@ impl Operation for NearestNeighbours {
 
     fn prepare(&self, request: &Request) -> Result<Plan, Failure> {
         bins(self.step, self.r_max, Bins::from)?;
-        let mut plan = puncta_sdk::operation::default_plan::<Self>(request);
-        plan_region(&mut plan, request, &self.bounds(), self.z.is_some())?;
-        let rows: u64 = request.inputs.iter().map(|input| input.header.rows()).sum();
-        plan.memory = rows * 120 + (64 << 20);
-        Ok(plan)
+        self.place.plan::<Self>(request, 120)
     }
 
     fn run(&self, job: &Job) -> Result<(), Failure> {
-        if self.z.is_some() {
-            let data = points::<3>(job, "table", self.z.as_ref())?;
-            let region = cuboid(&self.bounds(), || extent(&data, job))?;
-            self.study::<3>(job, &region)
-        } else {
-            let data = points::<2>(job, "table", None)?;
-            let region = flat(job, &self.bounds(), || extent(&data, job))?;
-            self.study::<2>(job, &region)
-        }
+        self.run_in_region(job)
     }
 }
 

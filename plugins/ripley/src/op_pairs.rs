@@ -2,6 +2,7 @@
 
 use crate::bins::Bins;
 use crate::pairs::{count_pairs, grid};
+use crate::place::tables;
 use crate::ripley::ball;
 use crate::study::{bins, others, points, say, table, tell};
 use puncta_sdk::documents::{Figure, Series};
@@ -136,21 +137,13 @@ impl Operation for Pairs {
     const ID: &'static str = "puncta.ripley.pairs/1";
 
     fn info() -> Info {
-        Info::operation("Pair-distance histogram")
+        let info = Info::operation("Pair-distance histogram")
             .description(
                 "Counts pairs of localisations by distance: of one table, each pair once and none \
                  with itself, or between two tables. A bin holds its low end. No region and no edge \
                  correction; see Ripley's K for both.",
-            )
-            .input(Ports::table("table").column("x", "nm").column("y", "nm").column("$z", "nm"))
-            .input(
-                Ports::table("other")
-                    .column("x", "nm")
-                    .column("y", "nm")
-                    .column("$z", "nm")
-                    .optional()
-                    .description("Second set, such as another channel"),
-            )
+            );
+        tables(info, "Second set, such as another channel")
             .output(Ports::table("histogram").description("Pairs in each bin"))
             .output(Ports::figure("figure").description("Pairs by distance"))
             .output(Ports::report("report").description("Localisations and pairs"))
