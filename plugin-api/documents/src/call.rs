@@ -32,6 +32,14 @@ pub struct Request {
     pub rest: Map,
 }
 
+impl Request {
+    /// Rows of all inputs together.
+    #[must_use]
+    pub fn rows(&self) -> u64 {
+        self.inputs.iter().map(|input| input.header.rows()).sum()
+    }
+}
+
 /// An input object of a call.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct InputRef {

@@ -272,4 +272,26 @@ impl Done {
             .map(|(_, object)| object)
             .ok_or_else(|| Failure::internal(format!("the call finished no output {port}")))
     }
+
+    /// The entry of this name in the reports, if there is one.
+    #[must_use]
+    pub fn reported(&self, name: &str) -> Option<&Value> {
+        let values = self.documents.iter().filter_map(|one| one.get("values"));
+        let mut entries = values.filter_map(Value::as_array).flatten();
+        entries.find(|entry| entry.get("name").is_some_and(|known| known == name))
+    }
+
+    /// The number of this name in the reports, if there is one; NaN if it is none.
+    #[must_use]
+    pub fn value(&self, name: &str) -> Option<f64> {
+        let entry = self.reported(name)?;
+        let number = entry.get("value").and_then(Value::as_f64);
+        Some(number.unwrap_or(f64::NAN))
+    }
+
+    /// All figures and reports, as text.
+    #[must_use]
+    pub fn text(&self) -> String {
+        self.documents.iter().map(ToString::to_string).collect()
+    }
 }

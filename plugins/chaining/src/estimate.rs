@@ -298,10 +298,7 @@ mod tests {
     }
 
     fn value(done: &Done, name: &str) -> f64 {
-        let values = done.documents[0]["values"].as_array().unwrap().clone();
-        values.iter().find(|value| value["name"] == name).unwrap()["value"]
-            .as_f64()
-            .unwrap()
+        done.value(name).unwrap()
     }
 
     #[test]

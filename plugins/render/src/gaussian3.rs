@@ -96,11 +96,7 @@ impl Operation for Gaussian3d {
         let count = channels::count(request, &self.channels);
         let sizes = [self.pixel_size, self.voxel_z];
         check3(request, &self.view.bounds(), sizes, count)?;
-        let rows = request
-            .inputs
-            .iter()
-            .map(|input| input.header.rows())
-            .sum::<u64>();
+        let rows = request.rows();
         Ok(Plan {
             read: channels::reads(request, &self.channels, |header| self.wants(header))?,
             // Ranges of slices of all rows; positions, widths and sorted entries of a slice.

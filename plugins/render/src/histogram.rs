@@ -69,11 +69,7 @@ impl Operation for Histogram {
     fn prepare(&self, request: &Request) -> Result<Plan, Failure> {
         let count = channels::count(request, &self.channels);
         check(request, &self.window.bounds(), self.pixel_size, count)?;
-        let rows = request
-            .inputs
-            .iter()
-            .map(|input| input.header.rows())
-            .sum::<u64>();
+        let rows = request.rows();
         Ok(Plan {
             read: channels::reads(request, &self.channels, wants)?,
             // Sorted pixel numbers of a round, and a tile for each thread.

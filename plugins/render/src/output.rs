@@ -113,25 +113,21 @@ fn open(
 
 /// Header of the image of a plane.
 pub(crate) fn header(field: &Field, name: &str, unit: &str, channels: &[Channel<'_>]) -> Header {
-    let (w, h) = (field.x.count() as u64, field.y.count() as u64);
-    let mut info = ImageInfo::plane(w, h, field.x.size(), field.x.origin(), field.y.origin());
-    name_channels(&mut info, channels);
-    Header::image(name, info, Element::F32, unit)
+    Header::image(name, plane(field, channels), Element::F32, unit)
 }
 
 /// Header of the image of a volume.
 pub(crate) fn header3(volume: &Volume, name: &str, unit: &str, channels: &[Channel<'_>]) -> Header {
-    let (field, z) = (&volume.plane, &volume.z);
-    let (w, h) = (field.x.count() as u64, field.y.count() as u64);
-    let mut info = ImageInfo::plane(w, h, field.x.size(), field.x.origin(), field.y.origin());
+    let (mut info, z) = (plane(&volume.plane, channels), &volume.z);
     info.size[2] = z.count() as u64;
     info.voxel[0] = z.size();
     info.origin[0] = z.origin();
-    name_channels(&mut info, channels);
     Header::image(name, info, Element::F32, unit)
 }
 
-fn name_channels(info: &mut ImageInfo, channels: &[Channel<'_>]) {
+fn plane(field: &Field, channels: &[Channel<'_>]) -> ImageInfo {
+    let (w, h) = (field.x.count() as u64, field.y.count() as u64);
+    let mut info = ImageInfo::plane(w, h, field.x.size(), field.x.origin(), field.y.origin());
     info.size[1] = channels.len().max(1) as u64;
     if channels.len() > 1 {
         info.channels = channels
@@ -139,6 +135,7 @@ fn name_channels(info: &mut ImageInfo, channels: &[Channel<'_>]) {
             .map(|channel| channel.name.clone())
             .collect();
     }
+    info
 }
 
 /// A named number of a report, with one line of meaning.

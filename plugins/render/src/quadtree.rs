@@ -62,11 +62,7 @@ impl Operation for Quadtree {
     fn prepare(&self, request: &Request) -> Result<Plan, Failure> {
         let count = channels::count(request, &self.channels);
         check(request, &self.window.bounds(), self.pixel_size, count)?;
-        let rows = request
-            .inputs
-            .iter()
-            .map(|input| input.header.rows())
-            .sum::<u64>();
+        let rows = request.rows();
         Ok(Plan {
             read: channels::reads(request, &self.channels, wants)?,
             // As for the histogram; the sums of the squares are a third of the image.

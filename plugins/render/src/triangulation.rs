@@ -63,11 +63,7 @@ impl Operation for Triangulation {
     fn prepare(&self, request: &Request) -> Result<Plan, Failure> {
         let count = channels::count(request, &self.channels);
         check(request, &self.window.bounds(), self.pixel_size, count)?;
-        let rows = request
-            .inputs
-            .iter()
-            .map(|input| input.header.rows())
-            .sum::<u64>();
+        let rows = request.rows();
         Ok(Plan {
             read: channels::reads(request, &self.channels, |_| Ok(self.wants()))?,
             // Positions and jitter; points, triangles and edges of a sample on each of two threads.

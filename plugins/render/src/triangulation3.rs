@@ -64,11 +64,7 @@ impl Operation for Triangulation3d {
         let count = channels::count(request, &self.channels);
         let sizes = [self.pixel_size, self.voxel_z];
         check3(request, &self.view.bounds(), sizes, count)?;
-        let rows = request
-            .inputs
-            .iter()
-            .map(|input| input.header.rows())
-            .sum::<u64>();
+        let rows = request.rows();
         Ok(Plan {
             read: channels::reads(request, &self.channels, |_| Ok(self.wants()))?,
             // Positions and jitter; tetrahedra of a sample on each of two threads.

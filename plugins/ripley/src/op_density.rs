@@ -140,8 +140,7 @@ impl Operation for Density {
 
     fn prepare(&self, request: &Request) -> Result<Plan, Failure> {
         let mut plan = puncta_sdk::operation::default_plan::<Self>(request);
-        let rows: u64 = request.inputs.iter().map(|input| input.header.rows()).sum();
-        plan.memory = rows * 80 + (64 << 20);
+        plan.memory = request.rows() * 80 + (64 << 20);
         Ok(plan)
     }
 

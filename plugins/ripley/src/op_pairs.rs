@@ -155,8 +155,7 @@ impl Operation for Pairs {
     fn prepare(&self, request: &Request) -> Result<Plan, Failure> {
         bins(self.step, self.r_max, Bins::from)?;
         let mut plan = puncta_sdk::operation::default_plan::<Self>(request);
-        let rows: u64 = request.inputs.iter().map(|input| input.header.rows()).sum();
-        plan.memory = rows * 60 + (64 << 20);
+        plan.memory = request.rows() * 60 + (64 << 20);
         Ok(plan)
     }
 

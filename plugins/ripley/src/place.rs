@@ -53,8 +53,7 @@ impl Place {
     pub fn plan<O: Operation>(&self, request: &Request, row_bytes: u64) -> Result<Plan, Failure> {
         let mut plan = default_plan::<O>(request);
         plan_region(&mut plan, request, &self.bounds(), self.z.is_some())?;
-        let rows: u64 = request.inputs.iter().map(|input| input.header.rows()).sum();
-        plan.memory = rows * row_bytes + (64 << 20);
+        plan.memory = request.rows() * row_bytes + (64 << 20);
         Ok(plan)
     }
 

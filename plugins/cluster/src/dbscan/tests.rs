@@ -37,12 +37,7 @@ fn the_report_counts_and_the_figure_shows() {
         .set("min_points", 3)
         .input("table", table());
     let done = call.run().unwrap();
-    let value = |name: &str| {
-        let values = done.documents[0]["values"].as_array().unwrap().clone();
-        values.iter().find(|value| value["name"] == name).unwrap()["value"]
-            .as_f64()
-            .unwrap()
-    };
+    let value = |name: &str| done.value(name).unwrap();
     assert_eq!(value("clusters"), 1.0);
     assert_eq!(value("core"), 3.0);
     assert_eq!(value("noise"), 1.0);

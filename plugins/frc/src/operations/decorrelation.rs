@@ -235,7 +235,7 @@ puncta_sdk::register!(Decorrelation);
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing::{Random, text, value};
+    use super::super::testing::{Random, value};
     use super::*;
     use puncta_testkit::{Call, Object, Threads};
 
@@ -287,8 +287,8 @@ mod tests {
         let call = || Call::of::<Decorrelation>().input("image", image(&white));
         let done = call().run().unwrap();
         assert!(value(&done, "resolution").is_nan());
-        assert!(text(&done).contains("Not reached"));
-        let same = [1, 2, 3].map(|n| text(&call().threads(n).run().unwrap()));
+        assert!(done.text().contains("Not reached"));
+        let same = [1, 2, 3].map(|n| call().threads(n).run().unwrap().text());
         assert!(same[0] == same[1] && same[1] == same[2]);
         assert!(call().cancel_after(2).run().unwrap_err().is_cancelled());
         let zero = Call::of::<Decorrelation>().input("image", image(&vec![4.0; N * N]));

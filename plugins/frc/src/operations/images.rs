@@ -211,7 +211,7 @@ puncta_sdk::register!(Images);
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing::{Random, text, value};
+    use super::super::testing::{Random, value};
     use super::*;
     use puncta_testkit::{Call, Object};
 
@@ -243,16 +243,16 @@ mod tests {
         ] {
             assert!(value(&done, name).is_nan());
         }
-        assert!(text(&done).contains("no more than noise"));
+        assert!(done.text().contains("no more than noise"));
         let done = call(image(200, 150, &a), image(200, 150, &a))
             .run()
             .unwrap();
         let curve = done.output("curve").unwrap().f64("frc").unwrap();
         assert!(curve[1..].iter().all(|c| *c == 1.0));
         assert!(
-            text(&done).contains("finest period of 20"),
+            done.text().contains("finest period of 20"),
             "{}",
-            text(&done)
+            done.text()
         );
     }
 

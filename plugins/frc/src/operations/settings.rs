@@ -63,7 +63,7 @@ impl Settings<'_> {
             }
             self.plan_split(&mut plan, place, &request.inputs[place].header)?;
         }
-        plan.memory = request.inputs.iter().map(|i| i.header.rows() * 24).sum();
+        plan.memory = request.rows() * 24;
         Ok(plan)
     }
 

@@ -127,7 +127,7 @@ puncta_sdk::register!(Shell);
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing::{Random, text, value};
+    use super::super::testing::{Random, value};
     use super::*;
     use puncta_testkit::{Call, Table};
 
@@ -177,7 +177,7 @@ mod tests {
     fn noise_flat_and_stopped() {
         let rows = emitters(20_000, 1, 0.0, [900.0; 3], 5);
         let done = call(&rows).run().unwrap();
-        assert!(value(&done, "resolution").is_nan() && text(&done).contains("than noise"));
+        assert!(value(&done, "resolution").is_nan() && done.text().contains("than noise"));
         let mut flat = rows.clone();
         flat[2].fill(3.0);
         let error = call(&flat).run().unwrap_err();

@@ -67,12 +67,7 @@ impl Operation for Broken {
 }
 
 fn value(done: &Done, name: &str) -> f64 {
-    let values = done
-        .documents
-        .iter()
-        .flat_map(|report| report["values"].as_array());
-    let found = values.flatten().find(|value| value["name"] == name);
-    found.map_or(f64::NAN, |value| value["value"].as_f64().unwrap())
+    done.value(name).unwrap_or(f64::NAN)
 }
 
 fn measures(mesh: &Object) -> Done {

@@ -201,7 +201,7 @@ puncta_sdk::register!(Counts);
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing::{Random, text, value};
+    use super::super::testing::{Random, value};
     use super::*;
     use puncta_testkit::{Call, Table};
 
@@ -230,7 +230,7 @@ mod tests {
             done.output("counts").unwrap().f64("t").unwrap(),
             [0.0, 1e12, 5e12]
         );
-        assert!(text(&done).contains("are left out"));
+        assert!(done.text().contains("are left out"));
     }
 
     #[test]

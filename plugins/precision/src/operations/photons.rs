@@ -219,7 +219,7 @@ puncta_sdk::register!(Photons);
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing::{Random, text, value};
+    use super::super::testing::{Random, value};
     use super::*;
     use puncta_testkit::{Call, Table};
 
@@ -295,7 +295,7 @@ mod tests {
         let negative = call(&[-5.0, 0.0, 3.0, f64::INFINITY]).run().unwrap();
         assert_eq!(value(&negative, "left_out").0, 1.0);
         assert!(call(&[1.0]).set("column", "photons").run().is_err());
-        let texts = [1, 3].map(|n| text(&call(&[3.0, 4.0, 9.0]).threads(n).run().unwrap()));
+        let texts = [1, 3].map(|n| call(&[3.0, 4.0, 9.0]).threads(n).run().unwrap().text());
         assert_eq!(texts[0], texts[1]);
         assert!(
             call(&[1.0])

@@ -36,11 +36,7 @@ fn a_curve_a_figure_and_a_report() {
     assert!(h.iter().zip(&r).skip(2).all(|(h, r)| (h / r).abs() < 0.1));
     let (low, high) = (curve(&done, "h_low"), curve(&done, "h_high"));
     assert!(low.iter().zip(&high).all(|(low, high)| low < high));
-    let text = done
-        .documents
-        .iter()
-        .map(ToString::to_string)
-        .collect::<String>();
+    let text = done.text();
     for part in [
         "bounding box",
         "isotropic",

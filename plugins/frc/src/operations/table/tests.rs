@@ -1,4 +1,4 @@
-use super::super::testing::{Random, text, value};
+use super::super::testing::{Random, value};
 use super::*;
 use puncta_testkit::{Call, Table as Rows};
 
@@ -62,7 +62,7 @@ fn complete_randomness_has_no_resolution() {
         let rows = emitters(20_000, 1, 0.0, 4000.0, seed);
         let done = frc(&rows).set("repeats", 1).run().unwrap();
         assert!(value(&done, "resolution").is_nan(), "{seed}");
-        assert!(text(&done).contains("no more than noise"));
+        assert!(done.text().contains("no more than noise"));
         assert!(done.messages.iter().any(|(_, m)| m.contains("Not reached")));
         // 3 sigma: a normal value exceeds it in 0.13 % of rings, both sides 0.27 %.
         let curve = done.output("curve").unwrap();
@@ -119,9 +119,9 @@ fn equal_halves_correlate_completely() {
     assert!(curve.f64("frc").unwrap().iter().skip(1).all(|c| *c == 1.0));
     assert!(value(&done, "resolution").is_nan());
     assert!(
-        text(&done).contains("finest period of 2"),
+        done.text().contains("finest period of 2"),
         "{}",
-        text(&done)
+        done.text()
     );
 }
 
@@ -193,7 +193,7 @@ fn threads_do_not_change_a_bit_and_a_stop_stops() {
         let done = frc(&rows).threads(n).run().unwrap();
         (
             done.output("curve").unwrap().f64("frc").unwrap(),
-            text(&done),
+            done.text(),
         )
     });
     assert!(outputs[0] == outputs[1] && outputs[1] == outputs[2]);
@@ -317,7 +317,7 @@ fn repeats_are_estimated_and_taken_out() {
         assert!(
             value(&done, "resolution_corrected").is_nan(),
             "{}",
-            text(&done)
+            done.text()
         );
     }
     // Clouds: their own coarse resolution is left.

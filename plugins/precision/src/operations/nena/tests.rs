@@ -1,4 +1,4 @@
-use super::super::testing::{Random, text, value};
+use super::super::testing::{Random, value};
 use super::*;
 use puncta_testkit::{Call, Done, Table};
 
@@ -85,7 +85,7 @@ fn changes_of_the_data_that_must_not_matter() {
         rows[2].iter_mut().for_each(|t| *t += 1e6);
     });
     assert_eq!(mixed, found);
-    let texts = [1, 2, 3].map(|n| text(&call(&rows).threads(n).run().unwrap()));
+    let texts = [1, 2, 3].map(|n| call(&rows).threads(n).run().unwrap().text());
     assert!(texts[0] == texts[1] && texts[1] == texts[2]);
     for polls in [1, 4, 30] {
         assert!(
@@ -113,7 +113,7 @@ fn random_molecules_are_warned_about() {
             .iter()
             .any(|(_, m)| m.contains("random places")),
         "{}",
-        text(&done)
+        done.text()
     );
 }
 
