@@ -53,8 +53,7 @@ fn allowed(place: &str, dependency: &str, test_only: bool) -> bool {
         _ if place.starts_with("plugins/") || place.starts_with("tests/plugins/") => {
             any(&["puncta-sdk"])
                 || dependency.starts_with("puncta-shared-")
-                // A plugin's tests may simulate their data.
-                || (test_only && any(&["puncta-testkit", "puncta-plugin-synthetic"]))
+                || (test_only && any(&["puncta-testkit"]))
         }
         // Tests look at everything.
         _ => place.starts_with("tests"),

@@ -1,6 +1,8 @@
 //! The convex hull of points in space, by quickhull (Barber, Dobkin and Huhdanpaa, ACM TOMS 22, 469,
 //! 1996).
 
+use puncta_shared_vector::{cross, dot, sub};
+
 /// A triangle of the hull, seen from outside to the left, with the neighbours across its edges.
 struct Face {
     corners: [usize; 3],
@@ -20,29 +22,13 @@ pub struct Hull {
     pub surface: f64,
 }
 
-fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
 /// The convex hull. Zero volume and surface if the points lie in a plane to within rounding.
 #[must_use]
 pub fn hull(points: &[[f64; 3]]) -> Hull {
     let Some(first) = points.first() else {
         return Hull::default();
     };
-    let points: Vec<[f64; 3]> = points.iter().map(|point| minus(*point, *first)).collect();
+    let points: Vec<[f64; 3]> = points.iter().map(|point| sub(*point, *first)).collect();
     let size = points
         .iter()
         .flatten()
@@ -70,7 +56,7 @@ fn tetrahedron(points: &[[f64; 3]], size: f64) -> Option<[usize; 4]> {
         all.max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)))
     };
     let (_, a) = farthest(&|p| -p[0])?;
-    let from = |p| minus(p, points[a]);
+    let from = |p| sub(p, points[a]);
     let (length, b) = farthest(&|p| dot(from(p), from(p)))?;
     let along = from(points[b]);
     let off = |p| cross(from(p), along);
@@ -92,7 +78,7 @@ struct Quick<'a> {
 impl Quick<'_> {
     fn face(&self, corners: [usize; 3], near: [usize; 3]) -> Face {
         let [a, b, c] = corners.map(|corner| self.points[corner]);
-        let normal = cross(minus(b, a), minus(c, a));
+        let normal = cross(sub(b, a), sub(c, a));
         let length = dot(normal, normal).sqrt().max(f64::MIN_POSITIVE);
         let normal = normal.map(|value| value / length);
         Face {
@@ -221,7 +207,7 @@ impl Quick<'_> {
         let mut hull = Hull::default();
         for face in self.faces.iter().filter(|face| face.alive) {
             let [a, b, c] = face.corners.map(|corner| self.points[corner]);
-            let normal = cross(minus(b, a), minus(c, a));
+            let normal = cross(sub(b, a), sub(c, a));
             hull.surface += 0.5 * dot(normal, normal).sqrt();
             hull.volume += dot(a, normal) / 6.0;
         }

@@ -3,6 +3,7 @@
 
 use crate::tree::{Found, Tree, square};
 use puncta_sdk::{Cancelled, Run};
+use puncta_shared_vector::{cross, dot};
 
 /// Neighbours asked for at first.
 const FIRST: usize = 24;
@@ -192,18 +193,6 @@ struct Face {
 /// A convex solid.
 struct Solid {
     faces: Vec<Face>,
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
 }
 
 impl Region<3> for Solid {

@@ -2,11 +2,11 @@
 
 use crate::field::each_mut;
 use crate::surface::Surface;
-use crate::vector::{Point, cross, dot, moved, sub, unit};
 use puncta_sdk::Failure;
 use puncta_sdk::run::{Cancelled, Run};
 use puncta_shared_neighbours::{Grid, Nearest};
 use puncta_shared_octree::Points;
+use puncta_shared_vector::{Point, along, cross, dot, sub, unit};
 
 /// Localisations that are looked at, per vertex.
 const PER_VERTEX: usize = 12;
@@ -59,7 +59,7 @@ fn normals(surface: &Surface) -> Vec<Point> {
         let [a, b, c] = triangle.map(|v| surface.positions[v as usize]);
         let normal = cross(sub(b, a), sub(c, a));
         for v in triangle {
-            normals[*v as usize] = moved(normals[*v as usize], normal, 1.0);
+            normals[*v as usize] = along(normals[*v as usize], normal, 1.0);
         }
     }
     for normal in &mut normals {
@@ -186,7 +186,7 @@ pub fn centre(surface: &mut Surface, points: &Points, run: &dyn Run) -> Result<[
         }
         let offsets = distances.spread(surface, &rings, run)?;
         each_mut(run, &mut surface.positions, &|v, p| {
-            *p = moved(*p, at[v], offsets[v]);
+            *p = along(*p, at[v], offsets[v]);
         })?;
     }
     at = normals(surface);
@@ -194,7 +194,7 @@ pub fn centre(surface: &mut Surface, points: &Points, run: &dyn Run) -> Result<[
     let last = distances.median();
     if last.is_finite() {
         each_mut(run, &mut surface.positions, &|v, p| {
-            *p = moved(*p, at[v], last);
+            *p = along(*p, at[v], last);
         })?;
         distances.measure(surface, &at, points, run)?;
     }
@@ -216,11 +216,11 @@ fn smooth(surface: &mut Surface, rings: &Rings, run: &dyn Run) -> Result<(), Can
         let ring = rings.of(v);
         let mut middle = [0.0; 3];
         for other in ring {
-            middle = moved(middle, old[*other as usize], 1.0);
+            middle = along(middle, old[*other as usize], 1.0);
         }
         if !ring.is_empty() {
             let middle = middle.map(|x| x / ring.len() as f64);
-            *p = moved(p.map(|x| x / 2.0), middle, 0.5);
+            *p = along(p.map(|x| x / 2.0), middle, 0.5);
         }
     })
 }

@@ -13,7 +13,6 @@ pub mod quality;
 pub mod score;
 pub mod surface;
 pub mod truth;
-pub mod vector;
 
 puncta_sdk::plugin! {
     id: "puncta.isosurface",

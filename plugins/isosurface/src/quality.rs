@@ -4,13 +4,13 @@ use crate::score::{
     Triangles, each, from_mesh, from_samples, from_truth, mean_square, quantile, truth_samples,
 };
 use crate::truth::{Shape, Truth};
-use crate::vector::Point;
 use puncta_sdk::Input;
 use puncta_sdk::documents::{Read, manifest::Step};
 use puncta_sdk::input::ColumnRef;
 use puncta_sdk::operation::default_plan;
 use puncta_sdk::prelude::*;
 use puncta_sdk::serde_json::{Value, json};
+use puncta_shared_vector::Point;
 
 /// Column of the mean curvature of a mesh's vertices.
 const CURVATURE: &str = "curvature_mean";
@@ -113,16 +113,19 @@ impl Operation for Quality {
         job.progress(0.2, "sampling the true surface")?;
         let seed = self.seed.0 ^ 0x5eed;
         let mut report = Report::new("report");
-        let (truth_points, from_surface, truth_genus) = if self.shape == Shape::Mesh {
-            let truth = triangles(&job.input("truth")?, job)?;
-            let points = truth.samples(self.spacing, seed)?;
-            let distances = from_mesh(&samples, &truth, job)?;
-            (points, distances, genus(&truth))
-        } else {
-            let truth = self.truth();
-            let points = truth_samples(&truth, self.spacing, seed, job)?;
-            let distances = from_truth(&samples, &truth, job)?;
-            (points, distances, 1.0 - truth.euler() as f64 / 2.0)
+        let analytic = self.shape.analytic(self.radius, self.tube);
+        let (truth_points, from_surface, truth_genus) = match &analytic {
+            None => {
+                let truth = triangles(&job.input("truth")?, job)?;
+                let points = truth.samples(self.spacing, seed)?;
+                let distances = from_mesh(&samples, &truth, job)?;
+                (points, distances, genus(&truth))
+            }
+            Some(truth) => {
+                let points = truth_samples(truth, self.spacing, seed, job)?;
+                let distances = from_truth(&samples, truth, job)?;
+                (points, distances, 1.0 - truth.euler() as f64 / 2.0)
+            }
         };
         job.progress(0.6, "measuring distances")?;
         let to_surface = from_mesh(&truth_points, &surface, job)?;
@@ -135,49 +138,35 @@ impl Operation for Quality {
         report.number("components", surface.components() as f64, "1");
         report.number("samples", samples.len() as f64, "1");
         report.number("samples_of_truth", truth_points.len() as f64, "1");
-        if self.shape != Shape::Mesh && input.names(0).iter().any(|name| name == CURVATURE) {
+        if let Some(truth) = analytic
+            && input.names(0).iter().any(|name| name == CURVATURE)
+        {
             let values = input.f64(CURVATURE)?;
-            self.curvature(&surface.positions, &values, &mut report, job)?;
+            curvature(&truth, &surface.positions, &values, &mut report, job)?;
         }
         job.report(&report)
     }
 }
 
-impl Quality {
-    fn truth(&self) -> Truth {
-        Truth {
-            shape: self.shape,
-            radius: self.radius,
-            tube: self.tube,
-        }
-    }
-
-    fn curvature(
-        &self,
-        positions: &[Point],
-        values: &[f64],
-        report: &mut Report,
-        job: &Job,
-    ) -> Result<(), Failure> {
-        let truth = self.truth();
-        let exact = each(positions, job, &|p| truth.mean_curvature(truth.project(p)))?;
-        let pairs = values.iter().zip(&exact);
-        let errors: Vec<f64> = pairs
-            .map(|(a, b)| (a - b).abs())
-            .filter(|e| e.is_finite())
-            .collect();
-        report.number(
-            "curvature_mean_error_rms",
-            mean_square(&errors).sqrt(),
-            "nm^-1",
-        );
-        report.number(
-            "curvature_mean_error_median",
-            quantile(&errors, 0.5),
-            "nm^-1",
-        );
-        Ok(())
-    }
+fn curvature(
+    truth: &Truth,
+    positions: &[Point],
+    values: &[f64],
+    report: &mut Report,
+    job: &Job,
+) -> Result<(), Failure> {
+    let exact = each(positions, job, &|p| truth.mean_curvature(truth.project(p)))?;
+    let pairs = values.iter().zip(&exact);
+    let errors: Vec<f64> = pairs
+        .map(|(a, b)| (a - b).abs())
+        .filter(|e| e.is_finite())
+        .collect();
+    let mut add = |name: &str, value: f64| {
+        report.number(name, value, "nm^-1");
+    };
+    add("curvature_mean_error_rms", mean_square(&errors).sqrt());
+    add("curvature_mean_error_median", quantile(&errors, 0.5));
+    Ok(())
 }
 
 fn genus(mesh: &Triangles) -> f64 {
@@ -230,6 +219,7 @@ mod tests {
     use super::*;
     use puncta_sdk::run::Serial;
     use puncta_shared_mesh::shapes;
+    use puncta_shared_simulation::shape::Shape as Known;
 
     fn mesh((positions, triangles): shapes::Shape) -> Triangles {
         Triangles::new(positions, triangles, &Serial).expect("a mesh")
@@ -237,11 +227,7 @@ mod tests {
 
     #[test]
     fn a_sphere_that_is_too_large_is_off_by_the_difference() {
-        let truth = Truth {
-            shape: Shape::Sphere,
-            radius: 100.0,
-            tube: 1.0,
-        };
+        let truth = Truth::new(Known::Sphere { radius: 100.0 });
         let surface = mesh(shapes::sphere(103.0, 5));
         let points = truth_samples(&truth, 4.0, 1, &Serial).expect("samples");
         let expected = 4.0 * std::f64::consts::PI * 100.0f64.powi(2) / 16.0;
@@ -265,11 +251,8 @@ mod tests {
 
     #[test]
     fn a_torus_has_a_handle_and_its_own_distance_is_small() {
-        let truth = Truth {
-            shape: Shape::Torus,
-            radius: 100.0,
-            tube: 30.0,
-        };
+        let (ring, tube) = (100.0, 30.0);
+        let truth = Truth::new(Known::Torus { ring, tube });
         let surface = mesh(shapes::torus(100.0, 30.0, 200, 80));
         assert_eq!((genus(&surface), surface.components()), (1.0, 1));
         let samples = surface.samples(3.0, 2).expect("samples");

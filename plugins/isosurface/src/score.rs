@@ -1,11 +1,11 @@
 //! How far a surface is from the true one (thesis 5.2.6).
 
 use crate::truth::Truth;
-use crate::vector::{Point, along, cross, squared, sub};
 use puncta_sdk::Failure;
 use puncta_sdk::run::{Run, map};
 use puncta_shared_mesh::Bvh;
 use puncta_shared_neighbours::{Grid, Nearest};
+use puncta_shared_vector::{Point, between, cross, squared, sub};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
@@ -108,7 +108,7 @@ impl Triangles {
             if u + v > 1.0 {
                 (u, v) = (1.0 - u, 1.0 - v);
             }
-            let ab = along(a, b, u);
+            let ab = between(a, b, u);
             samples.push(std::array::from_fn(|axis| {
                 ab[axis] + v * (c[axis] - a[axis])
             }));

@@ -3,9 +3,9 @@
 use crate::cells::{Octants, Walk};
 use crate::field::{Field, Groups, each_mut};
 use crate::march::{Edge, Loops, Polygon};
-use crate::vector::{Point, add, along, cross, dot, squared, sub};
 use puncta_sdk::run::{Cancelled, Run, map};
 use puncta_shared_octree::NONE;
+use puncta_shared_vector::{Point, add, between, cross, dot, squared, sub};
 
 /// A vertex that only one polygon has: its middle.
 const MIDDLE: u32 = 1 << 31;
@@ -198,7 +198,7 @@ impl Vertices {
             let [a, b] = ends[i];
             let (va, vb) = (field.values[a as usize], field.values[b as usize]);
             let share = ((threshold - va) / (vb - va)).clamp(NEAR, 1.0 - NEAR);
-            let position = along(field.tree.centre(a), field.tree.centre(b), share);
+            let position = between(field.tree.centre(a), field.tree.centre(b), share);
             *placed = (position, field.tree.size(a) as f32);
         })?;
         let (positions, sizes) = placed.into_iter().unzip();

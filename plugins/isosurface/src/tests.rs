@@ -1,10 +1,10 @@
 use crate::extract::{Extracted, Settings, extract};
 use crate::surface::Surface;
-use crate::vector::{Point, squared};
-use puncta_plugin_synthetic::parameters::Parameters;
-use puncta_plugin_synthetic::shape::Shape;
-use puncta_plugin_synthetic::simulate::simulate;
 use puncta_sdk::run::Serial;
+use puncta_shared_simulation::parameters::Parameters;
+use puncta_shared_simulation::shape::Shape;
+use puncta_shared_simulation::simulate::simulate;
+use puncta_shared_vector::{Point, squared};
 use puncta_testkit::Random;
 use std::collections::HashMap;
 use std::f64::consts::PI;

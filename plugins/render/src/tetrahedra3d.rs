@@ -10,6 +10,7 @@ use crate::field::Volume;
 use crate::samples::{Cloud, Sampling, distinct};
 use puncta_sdk::run::{chunks_mut, map};
 use puncta_sdk::{Cancelled, Run};
+use puncta_shared_vector::{cross, dot, sub};
 use std::ops::Range;
 
 /// Voxels from which on a tetrahedron is large.
@@ -192,31 +193,15 @@ fn piece(corners: [u32; 4], at: [[f64; 3]; 4], weight: f64, size: [usize; 3]) ->
 }
 
 fn volume(at: &[[f64; 3]; 4]) -> f64 {
-    let [u, v, w]: [[f64; 3]; 3] = std::array::from_fn(|i| minus(at[i + 1], at[0]));
+    let [u, v, w]: [[f64; 3]; 3] = std::array::from_fn(|i| sub(at[i + 1], at[0]));
     dot(u, cross(v, w)).abs() / 6.0
-}
-
-fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    std::array::from_fn(|i| a[i] - b[i])
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn cross(u: [f64; 3], v: [f64; 3]) -> [f64; 3] {
-    [
-        u[1] * v[2] - u[2] * v[1],
-        u[2] * v[0] - u[0] * v[2],
-        u[0] * v[1] - u[1] * v[0],
-    ]
 }
 
 fn faces(at: &[[f64; 3]; 4]) -> Faces {
     std::array::from_fn(|i| {
         let [a, b, c] = [at[(i + 1) % 4], at[(i + 2) % 4], at[(i + 3) % 4]];
-        let normal = cross(minus(b, a), minus(c, a));
-        let outward = if dot(normal, minus(at[i], a)) > 0.0 {
+        let normal = cross(sub(b, a), sub(c, a));
+        let outward = if dot(normal, sub(at[i], a)) > 0.0 {
             -1.0
         } else {
             1.0

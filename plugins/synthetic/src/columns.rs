@@ -4,7 +4,7 @@ use puncta_sdk::prelude::*;
 use puncta_sdk::run::chunks_mut;
 use puncta_sdk::{ColumnMut, OutputObject};
 
-use crate::simulate::{Cloud, FWHM, Localisation};
+use puncta_shared_simulation::simulate::{Cloud, FWHM, Localisation};
 
 /// Rows that one task writes.
 const CHUNK: usize = 1 << 15;

@@ -2,17 +2,8 @@
 //! Monte-Carlo sampling on an octree, and blinking, background and localisation error after the
 //! thesis, appendix C, "Point cloud simulation".
 
-pub mod arrangement;
-pub mod blink;
 pub mod columns;
 pub mod membrane;
-pub mod parameters;
-pub mod random;
-pub mod sample;
-pub mod sdf;
-pub mod shape;
-pub mod simulate;
-pub mod vector;
 
 puncta_sdk::plugin! {
     id: "puncta.synthetic",

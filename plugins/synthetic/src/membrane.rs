@@ -3,12 +3,12 @@
 use puncta_sdk::prelude::*;
 use puncta_sdk::serde_json::json;
 
-use crate::arrangement::Turn;
 use crate::columns::{header, write};
-use crate::parameters::Parameters;
-use crate::sample::Candidate;
-use crate::shape::Shape;
-use crate::simulate::{Cloud, Localisation, Site, simulate};
+use puncta_shared_simulation::arrangement::Turn;
+use puncta_shared_simulation::parameters::Parameters;
+use puncta_shared_simulation::sample::Candidate;
+use puncta_shared_simulation::shape::Shape;
+use puncta_shared_simulation::simulate::{Cloud, Localisation, Site, simulate};
 
 /// The test structures.
 #[derive(Choice, Clone, Copy, Debug)]

@@ -56,10 +56,10 @@ mod signed;
 pub mod smooth;
 pub mod subdivide;
 pub mod topology;
-pub mod vector;
+
 pub mod weld;
 
 pub use bvh::Bvh;
 pub use mesh::{Mesh, NONE, next, prev};
+pub use puncta_shared_vector::{self as vector, Point};
 pub use signed::Distance;
-pub use vector::Point;

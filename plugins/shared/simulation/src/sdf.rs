@@ -4,7 +4,7 @@
 //! The primitives and their plain unions are distances outside; smooth joins are not distances, but
 //! no slope exceeds 1, so `|f|` is never larger than the distance to the surface.
 
-use crate::vector::{Vector, blend, dot, norm, scale, sub};
+use puncta_shared_vector::{Point, add, dot, norm, scale, sub};
 
 /// A coordinate axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,9 +26,9 @@ pub enum Solid {
     /// All points within `radius` of the segment from `from` to `to`.
     Capsule {
         /// One end of the axis.
-        from: Vector,
+        from: Point,
         /// The other end.
-        to: Vector,
+        to: Point,
         /// Radius, nm.
         radius: f64,
     },
@@ -44,7 +44,7 @@ pub enum Solid {
     /// A box about the origin with rounded edges.
     RoundedBox {
         /// Half sides, nm, rounding included.
-        half: Vector,
+        half: Point,
         /// Radius of the edges, nm.
         rounding: f64,
     },
@@ -54,7 +54,7 @@ pub enum Solid {
         radius: f64,
     },
     /// A solid moved by a vector.
-    Moved(Box<Solid>, Vector),
+    Moved(Box<Solid>, Point),
     /// All points of either.
     Union(Box<Solid>, Box<Solid>),
     /// Union with a fillet: `min(a, b) - h^2 / 4k`, `h = max(k - |a - b|, 0)`.
@@ -66,7 +66,7 @@ pub enum Solid {
 impl Solid {
     /// The same solid moved by `by`.
     #[must_use]
-    pub fn moved(self, by: Vector) -> Self {
+    pub fn moved(self, by: Point) -> Self {
         Self::Moved(Box::new(self), by)
     }
 
@@ -89,7 +89,7 @@ impl Solid {
     }
 
     /// The function at `p`, nm.
-    pub fn value(&self, p: Vector) -> f64 {
+    pub fn value(&self, p: Point) -> f64 {
         match self {
             Self::Sphere { radius } => norm(p) - radius,
             Self::Capsule { from, to, radius } => norm(from_axis(p, *from, *to)) - radius,
@@ -112,7 +112,7 @@ impl Solid {
 
     /// The function at `p` and its gradient, which points outwards. Where the function has a crease
     /// the gradient is that of one side.
-    pub fn gradient(&self, p: Vector) -> (f64, Vector) {
+    pub fn gradient(&self, p: Point) -> (f64, Point) {
         match self {
             Self::Sphere { radius } => radial(p, *radius),
             Self::Capsule { from, to, radius } => radial(from_axis(p, *from, *to), *radius),
@@ -149,9 +149,15 @@ fn smooth_min(a: f64, b: f64, k: f64) -> (f64, f64) {
     )
 }
 
+/// `s a + (1 - s) b`
+#[inline]
+fn blend(a: Point, b: Point, s: f64) -> Point {
+    add(scale(a, s), scale(b, 1.0 - s))
+}
+
 /// From the nearest point of the segment to `p`.
 #[inline]
-fn from_axis(p: Vector, from: Vector, to: Vector) -> Vector {
+fn from_axis(p: Point, from: Point, to: Point) -> Point {
     let (along, p) = (sub(to, from), sub(p, from));
     let t = (dot(p, along) / dot(along, along)).clamp(0.0, 1.0);
     sub(p, scale(along, t))
@@ -159,7 +165,7 @@ fn from_axis(p: Vector, from: Vector, to: Vector) -> Vector {
 
 /// `|v| - radius` and its gradient.
 #[inline]
-fn radial(v: Vector, radius: f64) -> (f64, Vector) {
+fn radial(v: Point, radius: f64) -> (f64, Point) {
     let length = norm(v);
     let direction = if length > 0.0 {
         scale(v, 1.0 / length)
@@ -171,14 +177,14 @@ fn radial(v: Vector, radius: f64) -> (f64, Vector) {
 
 /// The two coordinates across the axis and the one along it.
 #[inline]
-fn split(p: Vector, axis: Axis) -> (f64, f64, f64) {
+fn split(p: Point, axis: Axis) -> (f64, f64, f64) {
     match axis {
         Axis::Y => (p[0], p[2], p[1]),
         Axis::Z => (p[0], p[1], p[2]),
     }
 }
 
-fn torus_gradient(p: Vector, axis: Axis, ring: f64, tube: f64) -> (f64, Vector) {
+fn torus_gradient(p: Point, axis: Axis, ring: f64, tube: f64) -> (f64, Point) {
     let (u, v, w) = split(p, axis);
     let out = u.hypot(v);
     let (value, d) = radial([out - ring, 0.0, w], tube);
@@ -196,11 +202,11 @@ fn torus_gradient(p: Vector, axis: Axis, ring: f64, tube: f64) -> (f64, Vector) 
 
 /// From the corner of the sharp inner box to `p`, in the first octant.
 #[inline]
-fn corner(p: Vector, half: Vector, rounding: f64) -> Vector {
+fn corner(p: Point, half: Point, rounding: f64) -> Point {
     [0, 1, 2].map(|i| p[i].abs() - (half[i] - rounding))
 }
 
-fn box_gradient(p: Vector, half: Vector, rounding: f64) -> (f64, Vector) {
+fn box_gradient(p: Point, half: Point, rounding: f64) -> (f64, Point) {
     let q = corner(p, half, rounding);
     let nearest = if q[0] >= q[1] && q[0] >= q[2] {
         [1.0, 0.0, 0.0]
@@ -224,10 +230,9 @@ fn box_gradient(p: Vector, half: Vector, rounding: f64) -> (f64, Vector) {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use crate::vector::add;
 
     /// `p` moved to the surface along the gradient (six steps of Newton).
-    pub(crate) fn project(solid: &Solid, mut p: Vector) -> Vector {
+    pub(crate) fn project(solid: &Solid, mut p: Point) -> Point {
         for _ in 0..6 {
             let (value, gradient) = solid.gradient(p);
             let slope = dot(gradient, gradient).max(0.05);
@@ -236,7 +241,7 @@ pub(crate) mod tests {
         p
     }
 
-    fn samples() -> Vec<Vector> {
+    fn samples() -> Vec<Point> {
         let mut state = 1u64;
         let mut next = || {
             state = state

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use crate::sdf::{Axis, Solid};
-use crate::vector::Vector;
+use puncta_shared_vector::Point;
 
 /// A test structure. Lengths in nm.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,6 +24,13 @@ pub enum Shape {
         /// Radius, nm.
         radius: f64,
     },
+    /// A torus about the z axis.
+    Torus {
+        /// Radius of the ring, nm.
+        ring: f64,
+        /// Radius of the tube, nm.
+        tube: f64,
+    },
 }
 
 impl Shape {
@@ -35,6 +42,7 @@ impl Shape {
             Self::Junction => "junction",
             Self::Er => "er",
             Self::Sphere { .. } => "sphere",
+            Self::Torus { .. } => "torus",
         }
     }
 
@@ -46,17 +54,22 @@ impl Shape {
             Self::Junction => junction(),
             Self::Er => er(),
             Self::Sphere { radius } => Solid::Sphere { radius },
+            Self::Torus { ring, tube } => torus(Axis::Z, ring, tube),
         }
     }
 
     /// The low and high corner of a box that holds the surface, nm.
-    pub fn bounds(self) -> [Vector; 2] {
+    pub fn bounds(self) -> [Point; 2] {
         match self {
             Self::Tori => [[-235.0, -35.0, -135.0], [235.0, 35.0, 135.0]],
             Self::ToriFlat => [[-235.0, -135.0, -35.0], [235.0, 135.0, 35.0]],
             Self::Junction => [[-260.0, -170.0, -40.0], [260.0, 290.0, 40.0]],
             Self::Er => [[-500.0, -210.0, -45.0], [470.0, 230.0, 75.0]],
             Self::Sphere { radius } => [[-radius; 3], [radius; 3]],
+            Self::Torus { ring, tube } => {
+                let out = ring + tube;
+                [[-out, -out, -tube], [out, out, tube]]
+            }
         }
     }
 
@@ -66,6 +79,7 @@ impl Shape {
             Self::Tori | Self::ToriFlat => -2,
             Self::Junction | Self::Sphere { .. } => 2,
             Self::Er => -4,
+            Self::Torus { .. } => 0,
         }
     }
 
@@ -76,20 +90,18 @@ impl Shape {
             Self::Junction => 152_420.0,
             Self::Er => 516_070.0,
             Self::Sphere { radius } => 4.0 * PI * radius * radius,
+            Self::Torus { ring, tube } => 4.0 * PI * PI * ring * tube,
         }
     }
 }
 
+fn torus(axis: Axis, ring: f64, tube: f64) -> Solid {
+    Solid::Torus { axis, ring, tube }
+}
+
 fn tori(axis: Axis) -> Solid {
-    let torus = |x| {
-        Solid::Torus {
-            axis,
-            ring: 100.0,
-            tube: 30.0,
-        }
-        .moved([x, 0.0, 0.0])
-    };
-    torus(-100.0).union(torus(100.0))
+    let one = |x| torus(axis, 100.0, 30.0).moved([x, 0.0, 0.0]);
+    one(-100.0).union(one(100.0))
 }
 
 fn junction() -> Solid {
@@ -137,14 +149,18 @@ fn er() -> Solid {
 pub(crate) mod tests {
     use super::*;
     use crate::sdf::tests::project;
-    use crate::vector::{dot, norm, sub};
+    use puncta_shared_vector::{dot, norm, sub};
 
-    pub(crate) const ALL: [Shape; 5] = [
+    pub(crate) const ALL: [Shape; 6] = [
         Shape::Tori,
         Shape::ToriFlat,
         Shape::Junction,
         Shape::Er,
         Shape::Sphere { radius: 80.0 },
+        Shape::Torus {
+            ring: 90.0,
+            tube: 40.0,
+        },
     ];
 
     /// A file of the shared simulated membranes, if they are there: rows of numbers.
@@ -160,7 +176,7 @@ pub(crate) mod tests {
     }
 
     /// Data beside the workspace.
-    const SHARED: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data");
+    const SHARED: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../../shared/data");
 
     #[test]
     fn the_surface_lies_inside_the_bounds() {

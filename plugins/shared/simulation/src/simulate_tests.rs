@@ -4,7 +4,7 @@ use super::*;
 use crate::arrangement::Turn;
 use crate::sample::tests::first_order_distance;
 use crate::shape::{Shape, tests::shared};
-use crate::vector::{norm, sub};
+use puncta_shared_vector::{norm, sub};
 use puncta_testkit::{Stopped, Threads};
 
 fn cloud(parameters: &Parameters) -> Cloud {
@@ -263,7 +263,7 @@ fn copies_keep_the_membrane() {
         // Back to the frame of the shape: the transpose of the rotation.
         let q = sub(site.position, places[copy].to);
         let back = [0, 1, 2].map(|i| (0..3).map(|j| places[copy].rotation.0[j][i] * q[j]).sum());
-        let p = crate::vector::add(back, places[copy].centre);
+        let p = puncta_shared_vector::add(back, places[copy].centre);
         assert!(first_order_distance(&solid, p).abs() < parameters.dx + 1e-9);
     }
     let expected = parameters.expected_candidates() * parameters.acceptance;
@@ -278,7 +278,7 @@ fn copies_keep_the_membrane() {
 #[test]
 fn distances_from_the_membrane_are_those_of_the_reference_clouds() {
     let solid = Shape::Tori.solid();
-    let distance = |p: Vector| first_order_distance(&solid, p).abs();
+    let distance = |p: Point| first_order_distance(&solid, p).abs();
     let mean = |distances: &[f64]| distances.iter().sum::<f64>() / distances.len() as f64;
     let mut reference = vec![];
     let files = ["p0.005_n0.1", "p0.04_n0.1", "p0.01_n0.01", "p0.01_n0.5"];

@@ -10,8 +10,8 @@ use std::sync::Mutex;
 
 use crate::random::{Purpose, stream, unit};
 use crate::sdf::Solid;
-use crate::vector::{Vector, norm, scale};
 use puncta_sdk::{Failure, Run};
+use puncta_shared_vector::{Point, norm, scale};
 
 /// Side of the boxes that are refined in parallel, in units of `dx`: 4096 smallest boxes.
 const TASK: u32 = 16;
@@ -24,7 +24,7 @@ const LEAST_SLOPE: f64 = 0.3;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Candidate {
     /// Position, nm.
-    pub position: Vector,
+    pub position: Point,
     /// Outward unit normal of the membrane there.
     pub normal: [f32; 3],
 }
@@ -35,7 +35,7 @@ pub struct Candidate {
 /// When cancelled.
 pub fn candidates(
     solid: &Solid,
-    bounds: [Vector; 2],
+    bounds: [Point; 2],
     dx: f64,
     run: &dyn Run,
 ) -> Result<Vec<Candidate>, Failure> {
@@ -73,7 +73,7 @@ struct Octree<'a> {
 
 impl Octree<'_> {
     /// Centres of the boxes of side `TASK dx` that may hold candidates, in octree order.
-    fn coarse(&self, bounds: [Vector; 2], run: &dyn Run) -> Result<Vec<Vector>, Failure> {
+    fn coarse(&self, bounds: [Point; 2], run: &dyn Run) -> Result<Vec<Point>, Failure> {
         let [low, high] = bounds;
         let extent = (0..3).map(|i| high[i] - low[i]).fold(0.0, f64::max) + 2.0 * self.dx;
         let mut side = TASK;
@@ -94,7 +94,7 @@ impl Octree<'_> {
     }
 
     /// Adds the candidates of the box of side `side dx` about `centre`.
-    fn refine(&self, centre: Vector, side: u32, found: &mut Vec<Candidate>) {
+    fn refine(&self, centre: Point, side: u32, found: &mut Vec<Candidate>) {
         if side == 1 {
             found.extend(self.candidate(centre));
             return;
@@ -107,7 +107,7 @@ impl Octree<'_> {
     }
 
     /// Centres of the eight children of side `side dx`.
-    fn children(&self, centre: Vector, side: u32) -> [Vector; 8] {
+    fn children(&self, centre: Point, side: u32) -> [Point; 8] {
         let half = f64::from(side) * self.dx / 2.0;
         std::array::from_fn(|child| {
             [0, 1, 2].map(|i| centre[i] + if child >> i & 1 == 1 { half } else { -half })
@@ -116,12 +116,12 @@ impl Octree<'_> {
 
     /// Whether a point nearer than `dx` to the surface may lie among the centres of the smallest
     /// boxes: no function of a solid is steeper than 1.
-    fn straddles(&self, centre: Vector, side: u32) -> bool {
+    fn straddles(&self, centre: Point, side: u32) -> bool {
         let reach = f64::from(side - 1) * 3f64.sqrt() / 2.0;
         self.solid.value(centre).abs() < (reach + 1.0) * self.dx
     }
 
-    fn candidate(&self, p: Vector) -> Option<Candidate> {
+    fn candidate(&self, p: Point) -> Option<Candidate> {
         let (value, gradient) = self.solid.gradient(p);
         let slope = norm(gradient);
         let normal = || scale(gradient, 1.0 / slope.max(1e-9)).map(|c| c as f32);
@@ -171,18 +171,18 @@ pub(crate) mod tests {
     use super::*;
     use crate::sdf::tests::project;
     use crate::shape::{Shape, tests::ALL};
-    use crate::vector::sub;
+    use puncta_shared_vector::sub;
     use puncta_testkit::{Stopped, Threads};
 
     const DX: f64 = 1.66;
 
     /// The signed distance to the surface, to first order.
-    pub(crate) fn first_order_distance(solid: &Solid, p: Vector) -> f64 {
+    pub(crate) fn first_order_distance(solid: &Solid, p: Point) -> f64 {
         let (value, gradient) = solid.gradient(p);
         value / norm(gradient).max(0.3)
     }
 
-    fn sites(shape: Shape, dx: f64, threads: usize) -> Vec<Vector> {
+    fn sites(shape: Shape, dx: f64, threads: usize) -> Vec<Point> {
         let found = candidates(&shape.solid(), shape.bounds(), dx, &Threads(threads));
         found
             .expect("not cancelled")
@@ -236,8 +236,8 @@ pub(crate) mod tests {
                     }
                 }
             }
-            let order = |a: &Vector, b: &Vector| {
-                let key = |p: &Vector| p.map(|c| (c / dx * 4.0).round() as i64);
+            let order = |a: &Point, b: &Point| {
+                let key = |p: &Point| p.map(|c| (c / dx * 4.0).round() as i64);
                 key(a).cmp(&key(b))
             };
             found.sort_by(order);

@@ -35,6 +35,13 @@ pub fn along(a: Point, b: Point, factor: f64) -> Point {
     ]
 }
 
+/// `a` moved by a share of the way to `b`.
+#[must_use]
+#[inline]
+pub fn between(a: Point, b: Point, share: f64) -> Point {
+    along(a, sub(b, a), share)
+}
+
 /// Scalar product.
 #[must_use]
 #[inline]

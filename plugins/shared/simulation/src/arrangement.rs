@@ -5,7 +5,8 @@ use std::f64::consts::TAU;
 use rand_chacha::rand_core::Rng;
 
 use crate::random::{Purpose, stream, unit};
-use crate::vector::{Rotation, Vector, add, norm, sub};
+use crate::rotation::Rotation;
+use puncta_shared_vector::{Point, add, norm, sub};
 
 /// How copies are turned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,14 +25,14 @@ pub struct Placement {
     /// The turn, about the centre of the shape's bounds.
     pub rotation: Rotation,
     /// The centre of the shape's bounds before.
-    pub centre: Vector,
+    pub centre: Point,
     /// The same point after.
-    pub to: Vector,
+    pub to: Point,
 }
 
 impl Placement {
     /// The placed point.
-    pub fn point(&self, p: Vector) -> Vector {
+    pub fn point(&self, p: Point) -> Point {
         add(self.rotation.apply(sub(p, self.centre)), self.to)
     }
 }
@@ -41,7 +42,7 @@ impl Placement {
 /// meet: their circles (spheres for [`Turn::Any`]) keep `gap` nm on average and never overlap, for
 /// each is shifted by up to half the gap in x and y.
 pub fn arrange(
-    bounds: [Vector; 2],
+    bounds: [Point; 2],
     copies: usize,
     turn: Turn,
     gap: f64,

@@ -20,8 +20,8 @@ use crate::blink::Bursts;
 use crate::parameters::Parameters;
 use crate::random::{Purpose, below, stream, unit};
 use crate::sample::{Candidate, candidates, keep};
-use crate::vector::Vector;
 use puncta_sdk::{Failure, Run};
+use puncta_shared_vector::Point;
 
 /// Sites in a chunk of random numbers.
 const CHUNK: usize = 1 << 12;
@@ -36,7 +36,7 @@ pub const FWHM: f64 = 2.355;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Site {
     /// Position without error, nm.
-    pub position: Vector,
+    pub position: Point,
     /// Outward normal of the membrane; NaN in the background.
     pub normal: [f32; 3],
     /// Number of the copy, from 1; 0 in the background.
@@ -53,7 +53,7 @@ const NO_SITE: Site = Site {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Localisation {
     /// Position with error, nm.
-    pub position: Vector,
+    pub position: Point,
     /// Photon number.
     pub photons: f32,
     /// Frame.
@@ -77,7 +77,7 @@ pub struct Cloud {
 
 impl Cloud {
     /// Standard deviations of the localisation's error, nm.
-    pub fn errors(&self, localisation: &Localisation) -> Vector {
+    pub fn errors(&self, localisation: &Localisation) -> Point {
         errors(self.fwhm, localisation.photons)
     }
 
@@ -94,7 +94,7 @@ impl Cloud {
     }
 }
 
-fn errors(fwhm: [f64; 3], photons: f32) -> Vector {
+fn errors(fwhm: [f64; 3], photons: f32) -> Point {
     let root = f64::from(photons).sqrt();
     fwhm.map(|width| width / (FWHM * root))
 }
@@ -220,7 +220,7 @@ fn gather<T: Send>(
 }
 
 /// Low corner and sides of the box of the background.
-fn background_box(localisations: &[Localisation]) -> [Vector; 2] {
+fn background_box(localisations: &[Localisation]) -> [Point; 2] {
     let start = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     let (low, high) = localisations.iter().fold(start, |(low, high), l| {
         let p = l.position;
@@ -239,7 +239,7 @@ fn background_box(localisations: &[Localisation]) -> [Vector; 2] {
 
 fn background_sites(
     count: usize,
-    [low, side]: [Vector; 2],
+    [low, side]: [Point; 2],
     seed: u64,
     run: &dyn Run,
 ) -> Result<Vec<Site>, Failure> {

@@ -1,58 +1,10 @@
-//! Vectors and rotations in three dimensions.
+//! Rotations in three dimensions.
 
-/// A point or vector, nm.
-pub type Vector = [f64; 3];
-
-/// `a + b`
-#[inline]
-pub fn add(a: Vector, b: Vector) -> Vector {
-    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
-}
-
-/// `a - b`
-#[inline]
-pub fn sub(a: Vector, b: Vector) -> Vector {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-/// `a * s`
-#[inline]
-pub fn scale(a: Vector, s: f64) -> Vector {
-    [a[0] * s, a[1] * s, a[2] * s]
-}
-
-/// Scalar product.
-#[inline]
-pub fn dot(a: Vector, b: Vector) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-/// Euclidean length.
-#[inline]
-pub fn norm(a: Vector) -> f64 {
-    dot(a, a).sqrt()
-}
-
-/// `a / |a|`; the zero vector stays zero.
-#[inline]
-pub fn unit(a: Vector) -> Vector {
-    let length = norm(a);
-    if length > 0.0 {
-        scale(a, 1.0 / length)
-    } else {
-        a
-    }
-}
-
-/// `s a + (1 - s) b`
-#[inline]
-pub fn blend(a: Vector, b: Vector, s: f64) -> Vector {
-    add(scale(a, s), scale(b, 1.0 - s))
-}
+use puncta_shared_vector::{Point, dot};
 
 /// A rotation matrix, by rows.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Rotation(pub [Vector; 3]);
+pub struct Rotation(pub [Point; 3]);
 
 impl Rotation {
     /// No rotation.
@@ -66,7 +18,7 @@ impl Rotation {
 
     /// Uniform over all rotations for `u` uniform in the unit cube (Shoemake, Graphics Gems III,
     /// 1992, "Uniform random rotations").
-    pub fn uniform(u: Vector) -> Self {
+    pub fn uniform(u: Point) -> Self {
         let (s1, c1) = (std::f64::consts::TAU * u[1]).sin_cos();
         let (s2, c2) = (std::f64::consts::TAU * u[2]).sin_cos();
         let (a, b) = ((1.0 - u[0]).sqrt(), u[0].sqrt());
@@ -92,7 +44,7 @@ impl Rotation {
 
     /// The rotated vector.
     #[inline]
-    pub fn apply(&self, v: Vector) -> Vector {
+    pub fn apply(&self, v: Point) -> Point {
         self.0.map(|row| dot(row, v))
     }
 }
@@ -101,6 +53,7 @@ impl Rotation {
 mod tests {
     use super::*;
     use crate::random::{Purpose, stream, unit};
+    use puncta_shared_vector::{cross, norm, sub};
 
     #[test]
     fn rotations_are_orthogonal_and_right_handed() {
@@ -116,12 +69,7 @@ mod tests {
             ] {
                 assert!((dot(a, b) - expected).abs() < 1e-14);
             }
-            let cross = [
-                x[1] * y[2] - x[2] * y[1],
-                x[2] * y[0] - x[0] * y[2],
-                x[0] * y[1] - x[1] * y[0],
-            ];
-            assert!(norm(sub(cross, z)) < 1e-14);
+            assert!(norm(sub(cross(x, y), z)) < 1e-14);
         }
         let quarter = Rotation::about_z(std::f64::consts::FRAC_PI_2);
         assert!(norm(sub(quarter.apply([1.0, 0.0, 5.0]), [0.0, 1.0, 5.0])) < 1e-15);

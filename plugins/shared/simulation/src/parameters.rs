@@ -119,8 +119,13 @@ impl Parameters {
             let remedy = format!("give at least {}", 2 * blinks);
             return Err(Failure::bad_parameter("frames", message).remedy(remedy));
         }
-        if let Shape::Sphere { radius } = self.shape {
-            within("radius", radius, 4.0 * self.dx, 1e6)?;
+        match self.shape {
+            Shape::Sphere { radius } => within("radius", radius, 4.0 * self.dx, 1e6)?,
+            Shape::Torus { ring, tube } => {
+                within("tube", tube, 4.0 * self.dx, 1e6)?;
+                within("ring", ring, tube, 1e6)?;
+            }
+            _ => {}
         }
         self.check_size()
     }
