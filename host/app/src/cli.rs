@@ -56,6 +56,8 @@ pub enum Command {
     Op(Op),
     /// Run a recipe
     Run(Run),
+    /// Make a saved file again from its provenance, and compare the bytes
+    Replay(Replay),
     /// List plugins, trust them, switch them on and off, choose where they run, pack them
     #[command(subcommand)]
     Plugins(Plugins),
@@ -141,6 +143,18 @@ pub struct Run {
     /// Replace files that exist
     #[arg(long)]
     pub overwrite: bool,
+}
+
+#[derive(Args, Debug)]
+pub struct Replay {
+    /// The file, with its provenance beside it
+    pub file: PathBuf,
+    /// File for an input, instead of the one on record; may be given several times
+    #[arg(long, short, value_name = "NAME=FILE")]
+    pub input: Vec<String>,
+    /// Compute it also with inputs or plugins that are not as they were, and compare the values
+    #[arg(long)]
+    pub anyway: bool,
 }
 
 #[derive(Debug, Subcommand)]

@@ -3,10 +3,9 @@
 use crate::context::{Context, located, name};
 use crate::output::{count, plain};
 use puncta_engine::documents::{Failure, Header, Kind, Map};
-use puncta_engine::provenance::{InputRecord, StepRecord};
+use puncta_engine::provenance::Lineage;
 use puncta_engine::{Object, Written};
 use serde_json::{Value, json};
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// A file that was written.
@@ -44,18 +43,11 @@ impl Saved {
     }
 
     /// Writes what it was made of beside it.
-    pub fn with_provenance(
-        mut self,
-        context: &Context,
-        object: &str,
-        inputs: BTreeMap<String, Vec<InputRecord>>,
-        steps: Vec<StepRecord>,
-    ) -> Result<Saved, Failure> {
+    pub fn with_provenance(mut self, context: &Context, made: Lineage) -> Result<Saved, Failure> {
         let progress = context.progress();
-        let path =
-            context
-                .engine
-                .write_provenance(&self.written, object, inputs, steps, &*progress)?;
+        let path = context
+            .engine
+            .write_provenance(&self.written, made, &*progress)?;
         self.provenance = Some(path);
         Ok(self)
     }

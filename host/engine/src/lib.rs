@@ -8,6 +8,7 @@ pub mod kept;
 pub mod plugins;
 pub mod provenance;
 pub mod recipe;
+pub mod replay;
 pub mod settings;
 pub mod store;
 pub mod summary;

@@ -26,6 +26,12 @@ pub struct Provenance {
     pub beside: Vec<FileRecord>,
     /// What it holds: an input, a step, or `step.output`.
     pub object: String,
+    /// Which one, from 0, where the output has several objects.
+    #[serde(default, skip_serializing_if = "is_first")]
+    pub number: usize,
+    /// Where it was computed: results may differ in their last bits between processors.
+    #[serde(default)]
+    pub platform: Platform,
     /// The call that wrote it; absent for a figure or report that the host wrote as it is.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub writer: Option<CallRecord>,
@@ -38,6 +44,64 @@ pub struct Provenance {
     /// Members that this version does not know.
     #[serde(flatten)]
     pub rest: Map,
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref)]
+fn is_first(number: &usize) -> bool {
+    *number == 0
+}
+
+/// System and processor, as far as results can depend on them.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Platform {
+    /// System and architecture, such as `linux-x86_64`.
+    pub system: String,
+    /// Instruction sets of the processor that libraries choose by.
+    #[serde(default)]
+    pub features: Vec<String>,
+}
+
+impl Platform {
+    /// This machine.
+    #[must_use]
+    pub fn here() -> Platform {
+        Platform {
+            system: format!("{}-{}", std::env::consts::OS, std::env::consts::ARCH),
+            features: features(),
+        }
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+fn features() -> Vec<String> {
+    let all = [
+        ("avx", std::is_x86_feature_detected!("avx")),
+        ("avx2", std::is_x86_feature_detected!("avx2")),
+        ("avx512f", std::is_x86_feature_detected!("avx512f")),
+        ("fma", std::is_x86_feature_detected!("fma")),
+    ];
+    all.into_iter()
+        .filter(|(_, there)| *there)
+        .map(|(name, _)| name.to_owned())
+        .collect()
+}
+
+#[cfg(not(target_arch = "x86_64"))]
+fn features() -> Vec<String> {
+    Vec::new()
+}
+
+/// What a saved object was made of.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Lineage {
+    /// The object: an input, a step, or `step.output`.
+    pub object: String,
+    /// Which one, from 0, where the output has several objects.
+    pub number: usize,
+    /// Files, by name of the input.
+    pub inputs: BTreeMap<String, Vec<InputRecord>>,
+    /// Steps, each after those that it needs.
+    pub steps: Vec<StepRecord>,
 }
 
 /// A file as it was when it was read or written.
@@ -220,9 +284,7 @@ impl Engine {
     pub fn write_provenance(
         &self,
         written: &Written,
-        object: &str,
-        inputs: BTreeMap<String, Vec<InputRecord>>,
-        steps: Vec<StepRecord>,
+        made: Lineage,
         progress: &dyn Progress,
     ) -> Result<PathBuf, Failure> {
         let missing = || Failure::internal("a writer that wrote nothing");
@@ -239,10 +301,12 @@ impl Engine {
             host: env!("CARGO_PKG_VERSION").into(),
             file: FileRecord::of(main, false, progress)?,
             beside: beside?,
-            object: object.to_owned(),
+            object: made.object,
+            number: made.number,
+            platform: Platform::here(),
             writer,
-            inputs,
-            steps,
+            inputs: made.inputs,
+            steps: made.steps,
             rest: Map::new(),
         };
         let path = path_of(main);
@@ -340,6 +404,8 @@ mod tests {
             file: record.clone(),
             beside: vec![record],
             object: "good.table".into(),
+            number: 2,
+            platform: Platform::here(),
             writer: Some(call("a.b.write/1")),
             inputs: BTreeMap::from([("locs".into(), vec![input])]),
             steps: vec![step],

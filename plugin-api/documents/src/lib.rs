@@ -20,7 +20,9 @@ pub use element::{ColumnType, Element};
 pub use failure::{Failure, FailureCode};
 pub use findings::{Figure, Report, ReportValue, Series};
 pub use header::{ColumnInfo, Header, ImageInfo, Kind, Part};
-pub use manifest::{ColumnNeed, Example, FileRule, Manifest, Operation, OperationKind, Port};
+pub use manifest::{
+    ColumnNeed, Example, FileRule, Manifest, Operation, OperationKind, Port, TOLERANCE,
+};
 pub use schema::{Parameter, ParameterKind};
 pub use units::Unit;
 

@@ -87,9 +87,28 @@ pub struct Operation {
     /// Papers: DOI or full reference.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub citations: Vec<String>,
+    /// How far results may be from those of another build or processor, as a share of the largest
+    /// magnitude of a column.
+    #[serde(
+        default = "usual_tolerance",
+        skip_serializing_if = "is_usual_tolerance"
+    )]
+    pub tolerance: f64,
     /// Members that this version does not know.
     #[serde(flatten)]
     pub rest: Map,
+}
+
+/// [`Operation::tolerance`] where none is stated: rounding that adds up over many values.
+pub const TOLERANCE: f64 = 1e-9;
+
+fn usual_tolerance() -> f64 {
+    TOLERANCE
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref)]
+fn is_usual_tolerance(tolerance: &f64) -> bool {
+    tolerance.to_bits() == TOLERANCE.to_bits()
 }
 
 impl Operation {

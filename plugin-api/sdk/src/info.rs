@@ -25,6 +25,7 @@ impl Info {
                 file: None,
                 example: None,
                 citations: Vec::new(),
+                tolerance: puncta_documents::TOLERANCE,
                 rest: Map::new(),
             },
         }
@@ -99,6 +100,14 @@ impl Info {
     #[must_use]
     pub fn cite(mut self, reference: &str) -> Info {
         self.operation.citations.push(reference.into());
+        self
+    }
+
+    /// How far results may be from those of another build or processor, as a share of the largest
+    /// magnitude of a column; 1e-9 if it is not stated.
+    #[must_use]
+    pub fn tolerance(mut self, share: f64) -> Info {
+        self.operation.tolerance = share;
         self
     }
 

@@ -7,6 +7,7 @@ use crate::flags::fits;
 use crate::saved::Saved;
 use puncta_engine::Engine;
 use puncta_engine::documents::{Failure, Map, Operation, OperationKind};
+use puncta_engine::provenance::Lineage;
 use serde_json::json;
 use std::collections::BTreeMap;
 
@@ -44,8 +45,12 @@ pub fn run(context: &Context, convert: &Convert, given: Given) -> Result<Ended, 
     let input = context
         .engine
         .input_record(from, &read, &name, &*progress)?;
-    let inputs = BTreeMap::from([("input".to_owned(), vec![input])]);
-    let saved = saved.with_provenance(context, "input", inputs, Vec::new())?;
+    let made = Lineage {
+        object: "input".into(),
+        inputs: BTreeMap::from([("input".to_owned(), vec![input])]),
+        ..Lineage::default()
+    };
+    let saved = saved.with_provenance(context, made)?;
     if context.json {
         context.output.json(&json!({
             "object": name,

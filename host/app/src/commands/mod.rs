@@ -5,6 +5,7 @@ mod info;
 mod op;
 mod ops;
 mod plugins;
+mod replay;
 mod run;
 
 use crate::cli::Command;
@@ -41,6 +42,7 @@ pub fn run(context: &Context, command: &Command, matches: &ArgMatches) -> Result
             op::run(context, op, operation, given)
         }
         Command::Run(run) => run::run(context, run),
+        Command::Replay(replay) => replay::run(context, replay),
         Command::Plugins(plugins) => plugins::run(context, plugins),
         Command::Worker => Ok(Ended::Done),
     }

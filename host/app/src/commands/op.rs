@@ -7,7 +7,7 @@ use crate::flags;
 use crate::objects::Described;
 use crate::saved::Saved;
 use puncta_engine::documents::{Failure, Kind, Map, Operation, OperationKind, Port, schema};
-use puncta_engine::provenance::{InputRecord, StepRecord};
+use puncta_engine::provenance::{InputRecord, Lineage, StepRecord};
 use puncta_engine::{Called, Invocation, Object, ReadFile};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -76,11 +76,17 @@ pub fn run(
             operation,
             called: &called,
         };
-        let (records, steps) = made.records()?;
-        for (path, reference, object) in outputs(&targets, &called)? {
+        let lineage = made.lineage()?;
+        for out in outputs(&targets, &called)? {
             let writer = op.writer.as_deref();
-            let one = Saved::write(context, &path, writer, &given.writer, object, op.overwrite)?;
-            saved.push(one.with_provenance(context, &reference, records.clone(), steps.clone())?);
+            let (path, options) = (&out.path, &given.writer);
+            let one = Saved::write(context, path, writer, options, out.object, op.overwrite)?;
+            let made = Lineage {
+                object: out.reference,
+                number: out.number,
+                ..lineage.clone()
+            };
+            saved.push(one.with_provenance(context, made)?);
         }
     }
     print(context, operation, &called, &saved)?;
@@ -276,11 +282,16 @@ fn targets<'a>(
     Ok(targets)
 }
 
+/// A file to write.
+struct Out<'a> {
+    path: PathBuf,
+    reference: String,
+    number: usize,
+    object: &'a Object,
+}
+
 /// What is written where: an output with several objects goes to numbered files.
-fn outputs<'a>(
-    targets: &[(&Port, PathBuf)],
-    called: &'a Called,
-) -> Result<Vec<(PathBuf, String, &'a Object)>, Failure> {
+fn outputs<'a>(targets: &[(&Port, PathBuf)], called: &'a Called) -> Result<Vec<Out<'a>>, Failure> {
     let mut out = Vec::new();
     for (port, path) in targets {
         let all: Vec<&Object> = called
@@ -295,14 +306,18 @@ fn outputs<'a>(
                 let message = format!("there is no {} to write to {}", port.name, path.display());
                 return Err(Failure::bad_input(message).remedy("leave this output out"));
             }
-            [one] => out.push((path.clone(), reference, *one)),
-            several => {
-                let several = several.iter().enumerate();
-                out.extend(
-                    several
-                        .map(|(place, one)| (numbered(path, place + 1), reference.clone(), *one)),
-                );
-            }
+            [one] => out.push(Out {
+                path: path.clone(),
+                reference,
+                number: 0,
+                object: one,
+            }),
+            several => out.extend(several.iter().enumerate().map(|(number, one)| Out {
+                path: numbered(path, number + 1),
+                reference: reference.clone(),
+                number,
+                object: one,
+            })),
         }
     }
     Ok(out)
@@ -317,9 +332,6 @@ fn numbered(path: &Path, number: usize) -> PathBuf {
     path.with_file_name(format!("{stem}-{number}{suffix}"))
 }
 
-/// Inputs and steps of a provenance.
-type Records = (BTreeMap<String, Vec<InputRecord>>, Vec<StepRecord>);
-
 /// What a call was made of, for provenance.
 struct Made<'a> {
     files: &'a Files<'a>,
@@ -330,7 +342,7 @@ struct Made<'a> {
 }
 
 impl Made<'_> {
-    fn records(&self) -> Result<Records, Failure> {
+    fn lineage(&self) -> Result<Lineage, Failure> {
         let (context, progress) = (self.files.context, self.files.context.progress());
         let mut records: BTreeMap<String, Vec<InputRecord>> = BTreeMap::new();
         let mut bound: BTreeMap<String, Vec<String>> = BTreeMap::new();
@@ -354,7 +366,11 @@ impl Made<'_> {
             inputs: bound,
             converted: self.called.converted.iter().map(Into::into).collect(),
         };
-        Ok((records, vec![step]))
+        Ok(Lineage {
+            inputs: records,
+            steps: vec![step],
+            ..Lineage::default()
+        })
     }
 }
 

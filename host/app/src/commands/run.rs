@@ -267,7 +267,7 @@ fn read(
 }
 
 /// Steps on the one line that there is for progress.
-struct Steady<'a>(&'a crate::watch::Watch);
+pub(super) struct Steady<'a>(pub &'a crate::watch::Watch);
 
 impl recipe::Watch for Steady<'_> {
     fn started(&self, step: &str) {
@@ -326,8 +326,7 @@ fn write(
                 run.overwrite,
             )?;
             let record = |name: &str| report.step(name).and_then(|step| step.record.clone());
-            let (inputs, steps) = lineage(plan, source, records, &record);
-            saved.with_provenance(context, &output.from, inputs, steps)
+            saved.with_provenance(context, lineage(plan, source, records, &record))
         };
         written.push((output.file.clone(), one()));
     }

@@ -4,7 +4,9 @@ use super::relay::watched;
 use super::save::is_document;
 use super::{Engine, Invocation, ReadFile};
 use crate::job::Progress;
-use crate::provenance::{CallRecord, ConversionRecord, InputRecord, PluginRecord, StepRecord};
+use crate::provenance::{
+    CallRecord, ConversionRecord, InputRecord, Lineage, PluginRecord, StepRecord,
+};
 use crate::recipe::check::{Source, check};
 use crate::recipe::{
     self, Call, Checked, CheckedStep, Conversion, Key, PluginRef, Recipe, Record, Runner, key,
@@ -219,7 +221,7 @@ pub fn lineage(
     source: Source,
     files: &BTreeMap<String, Vec<InputRecord>>,
     record: &dyn Fn(&str) -> Option<Arc<Record>>,
-) -> (BTreeMap<String, Vec<InputRecord>>, Vec<StepRecord>) {
+) -> Lineage {
     let mut inputs = BTreeSet::new();
     let mut steps = BTreeSet::new();
     let mut open = vec![source];
@@ -243,7 +245,12 @@ pub fn lineage(
     });
     let steps = steps.iter().filter_map(|at| plan.steps.get(*at));
     let steps = steps.filter_map(|step| step_record(plan, step, &*record(&step.name)?));
-    (files.collect(), steps.collect())
+    Lineage {
+        object: reference(plan, source).unwrap_or_default(),
+        number: 0,
+        inputs: files.collect(),
+        steps: steps.collect(),
+    }
 }
 
 fn step_record(plan: &Checked, step: &CheckedStep, record: &Record) -> Option<StepRecord> {
@@ -373,7 +380,7 @@ mod tests {
             }))
         };
         let source = plan.source("y").unwrap();
-        let (inputs, steps) = lineage(&plan, source, &files, &record);
+        let Lineage { inputs, steps, .. } = lineage(&plan, source, &files, &record);
         assert_eq!(inputs.keys().collect::<Vec<_>>(), ["one"]);
         let names: Vec<&str> = steps.iter().map(|step| step.name.as_str()).collect();
         assert_eq!(names, ["z", "y"]);

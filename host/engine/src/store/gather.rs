@@ -171,15 +171,22 @@ pub fn row_numbers(rows: u64) -> Result<ColumnData, Failure> {
 /// # Errors
 /// When it holds texts, or there is no memory.
 pub fn scaled(column: &ColumnData, factor: f64) -> Result<ColumnData, Failure> {
-    let Some(region) = column.data.as_ref().filter(|_| column.type_.width == 1) else {
+    if column.type_.element.is_text() {
         return Err(Failure::bad_input(
-            "only columns of single numbers convert to another unit",
+            "a column of texts has no unit to convert",
         ));
+    }
+    let Some(region) = &column.data else {
+        return Err(Failure::internal("a column of numbers without memory"));
+    };
+    let type_ = ColumnType {
+        element: Element::F64,
+        ..column.type_
     };
     macro_rules! scale {
         ($type:ty) => {{
             let from = region.slice::<$type>();
-            make::<f64>(ColumnType::scalar(Element::F64), column.rows, |out| {
+            make::<f64>(type_, column.rows, |out| {
                 out.par_iter_mut()
                     .zip(from)
                     .for_each(|(out, value)| *out = *value as f64 * factor);
@@ -197,8 +204,16 @@ pub fn scaled(column: &ColumnData, factor: f64) -> Result<ColumnData, Failure> {
         Element::I64 => scale!(i64),
         Element::F32 => scale!(f32),
         Element::F64 => scale!(f64),
-        Element::Utf8 | Element::Dictionary => Err(Failure::bad_input(
-            "a column of texts has no unit to convert",
-        )),
+        Element::Utf8 | Element::Dictionary => Err(Failure::internal("texts as numbers")),
     }
+}
+
+/// A column of numbers for tests.
+#[cfg(test)]
+pub(crate) fn numbers(values: &[f64]) -> ColumnData {
+    let type_ = ColumnType::scalar(Element::F64);
+    make::<f64>(type_, values.len() as u64, |out| {
+        out.copy_from_slice(values)
+    })
+    .unwrap()
 }

@@ -3,7 +3,7 @@
 use super::gather;
 use super::region::Region;
 use super::segment::Segment;
-use puncta_documents::{ColumnInfo, ColumnType, Element, Failure, Header, Kind};
+use puncta_documents::{ColumnInfo, ColumnType, Failure, Header, Kind};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
@@ -362,7 +362,7 @@ impl Object {
             .ok_or_else(|| Failure::bad_input(format!("{} has no column {name}", self.name())))?;
         let column = gather::scaled(&self.column(0, name)?, factor)?;
         let mut info = info.clone();
-        info.type_ = ColumnType::scalar(Element::F64);
+        info.type_ = column.type_;
         unit.clone_into(&mut info.unit);
         self.with_columns(vec![(info, Stored::whole(column))])
     }
