@@ -1,6 +1,6 @@
 //! Files that are either whole or not there.
 
-use puncta_documents::Failure;
+use puncta_documents::{Failure, FailureCode};
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -32,6 +32,31 @@ pub fn folder_of(path: &Path) -> &Path {
     }
 }
 
+/// Refuses to write over a file, or into a folder that is not there, before anything is computed.
+///
+/// # Errors
+/// What stands in the way.
+pub fn check_target(path: &Path, overwrite: bool) -> Result<(), Failure> {
+    let refuse = |what: &str, remedy: &str| {
+        let message = format!("cannot write {}: {what}", path.display());
+        Err(Failure::new(FailureCode::Io, message).remedy(remedy))
+    };
+    let folder = folder_of(path);
+    if path.is_dir() {
+        return refuse("it is a folder", "name a file in it");
+    }
+    if !folder.is_dir() {
+        return refuse("its folder is not there", "make the folder first");
+    }
+    if !overwrite && path.exists() {
+        return refuse(
+            "it exists already",
+            "choose another name, or add --overwrite",
+        );
+    }
+    Ok(())
+}
+
 /// Refuses a path below `folder` that leads out of it through a symbolic link. The last part may be
 /// a link: files are put in its place, not written through it.
 ///
@@ -41,7 +66,7 @@ pub fn check_below(folder: &Path, path: &Path) -> Result<(), Failure> {
     let refuse = |place: &Path| {
         let (path, place) = (path.display(), place.display());
         let message = format!("cannot write {path}: {place} is a link out of the output folder");
-        Err(Failure::new(puncta_documents::FailureCode::Io, message)
+        Err(Failure::new(FailureCode::Io, message)
             .remedy("remove the link, or choose another folder with --out"))
     };
     let Ok(inside) = path.strip_prefix(folder) else {
@@ -98,7 +123,7 @@ impl Staging {
     pub fn new(destination: &Path) -> Result<Staging, Failure> {
         if destination.is_dir() {
             return Err(Failure::new(
-                puncta_documents::FailureCode::Io,
+                FailureCode::Io,
                 format!("cannot write {}: it is a folder", destination.display()),
             ));
         }
@@ -157,6 +182,21 @@ impl Staging {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn targets_are_checked_first() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("a.csv");
+        assert!(check_target(&file, false).is_ok());
+        std::fs::write(&file, "x").unwrap();
+        let sentence = |path: &Path| check_target(path, false).unwrap_err().to_string();
+        assert!(
+            sentence(&file).contains("exists already; choose another name, or add --overwrite")
+        );
+        assert!(check_target(&file, true).is_ok());
+        assert!(sentence(folder.path()).contains("is a folder"));
+        assert!(sentence(&folder.path().join("no/a.csv")).contains("folder is not there"));
+    }
 
     #[cfg(unix)]
     #[test]

@@ -3,12 +3,14 @@
 pub mod date;
 pub mod engine;
 pub mod files;
+pub mod headless;
 pub mod job;
 pub mod kept;
 pub mod plugins;
 pub mod provenance;
 pub mod recipe;
 pub mod replay;
+pub mod room;
 pub mod settings;
 pub mod store;
 pub mod summary;

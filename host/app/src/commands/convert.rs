@@ -1,12 +1,14 @@
 //! `puncta convert IN OUT`.
 
 use crate::cli::Convert;
-use crate::context::{Context, check_target};
+use crate::context::Context;
 use crate::exit::Ended;
 use crate::flags::fits;
-use crate::saved::Saved;
+use crate::saved;
 use puncta_engine::Engine;
 use puncta_engine::documents::{Failure, Map, Operation, OperationKind};
+use puncta_engine::files::check_target;
+use puncta_engine::headless::Saving;
 use puncta_engine::provenance::Lineage;
 use serde_json::json;
 use std::collections::BTreeMap;
@@ -33,14 +35,6 @@ pub fn run(context: &Context, convert: &Convert, given: Given) -> Result<Ended, 
         .iter()
         .find(|(_, one)| std::ptr::eq(one, object));
     let name = name.map(|(name, _)| name.clone()).unwrap_or_default();
-    let saved = Saved::write(
-        context,
-        to,
-        convert.writer.as_deref(),
-        &writer,
-        object,
-        convert.overwrite,
-    )?;
     let progress = context.progress();
     let input = context
         .engine
@@ -50,17 +44,23 @@ pub fn run(context: &Context, convert: &Convert, given: Given) -> Result<Ended, 
         inputs: BTreeMap::from([("input".to_owned(), vec![input])]),
         ..Lineage::default()
     };
-    let saved = saved.with_provenance(context, made)?;
+    let saving = Saving {
+        path: to,
+        writer: convert.writer.as_deref(),
+        options: &writer,
+        overwrite: convert.overwrite,
+    };
+    let saved = context.save(saving, object, made)?;
     if context.json {
         context.output.json(&json!({
             "object": name,
             "reader": read.reader,
             "format": read.format,
             "notes": read.notes,
-            "written": [saved.json()],
+            "written": [saved::json(&saved)],
         }))?;
     } else {
-        context.output.text(&saved.text())?;
+        context.output.text(&saved::text(&saved))?;
     }
     Ok(Ended::Done)
 }

@@ -1,12 +1,14 @@
 //! `puncta op NAME INPUT... --param value -o OUT`.
 
 use crate::cli::Op;
-use crate::context::{Context, bound, check_target};
+use crate::context::{Context, bound};
 use crate::exit::Ended;
 use crate::flags;
 use crate::objects::Described;
-use crate::saved::Saved;
+use crate::saved;
 use puncta_engine::documents::{Failure, Kind, Map, Operation, OperationKind, Port, schema};
+use puncta_engine::files::check_target;
+use puncta_engine::headless::{Saved, Saving};
 use puncta_engine::provenance::{InputRecord, Lineage, StepRecord};
 use puncta_engine::{Called, Invocation, Object, ReadFile};
 use serde_json::{Value, json};
@@ -78,15 +80,18 @@ pub fn run(
         };
         let lineage = made.lineage()?;
         for out in outputs(&targets, &called)? {
-            let writer = op.writer.as_deref();
-            let (path, options) = (&out.path, &given.writer);
-            let one = Saved::write(context, path, writer, options, out.object, op.overwrite)?;
+            let saving = Saving {
+                path: &out.path,
+                writer: op.writer.as_deref(),
+                options: &given.writer,
+                overwrite: op.overwrite,
+            };
             let made = Lineage {
                 object: out.reference,
                 number: out.number,
                 ..lineage.clone()
             };
-            saved.push(one.with_provenance(context, made)?);
+            saved.push(context.save(saving, out.object, made)?);
         }
     }
     print(context, operation, &called, &saved)?;
@@ -112,7 +117,7 @@ fn print(
     if !saved.is_empty() && !context.json {
         return context
             .output
-            .text(&saved.iter().map(Saved::text).collect::<String>());
+            .text(&saved.iter().map(saved::text).collect::<String>());
     }
     let describe = |(name, object): &(String, Object)| Described::of(name, object);
     let all: Result<Vec<Described>, Failure> = match saved.is_empty() {
@@ -128,7 +133,7 @@ fn print(
             "operation": operation.id,
             "parameters": called.parameters,
             "objects": all.iter().map(Described::json).collect::<Vec<Value>>(),
-            "written": saved.iter().map(Saved::json).collect::<Vec<Value>>(),
+            "written": saved.iter().map(saved::json).collect::<Vec<Value>>(),
         }));
     }
     context.output.text(

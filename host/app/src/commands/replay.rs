@@ -2,9 +2,10 @@
 
 use crate::cli::Replay as Arguments;
 use crate::commands::run::Steady;
-use crate::context::{Context, name};
+use crate::context::Context;
 use crate::exit::{self, Ended, say, sentence};
 use puncta_engine::documents::{Failure, Map};
+use puncta_engine::headless::name;
 use puncta_engine::provenance::{self, FileRecord, SUFFIX};
 use puncta_engine::replay::{Comparison, Difference, Given, Replay, compare};
 use puncta_engine::{Object, Written};

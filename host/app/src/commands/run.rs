@@ -1,28 +1,19 @@
 //! `puncta run RECIPE`.
 
 use crate::cli::Run;
-use crate::context::{Context, check_target, located};
+use crate::context::Context;
 use crate::exit::{self, Ended, say, sentence};
 use crate::flags;
 use crate::output::{plain, table};
-use crate::saved::Saved;
-use puncta_engine::Object;
-use puncta_engine::Progress;
+use crate::saved;
 use puncta_engine::documents::{Failure, FailureCode};
-use puncta_engine::engine::{Steps, lineage};
-use puncta_engine::files::check_below;
-use puncta_engine::provenance::InputRecord;
+use puncta_engine::headless::{Done, Saved, Task};
 use puncta_engine::recipe::{
-    self, Checked, CheckedInput, CheckedOutput, Inputs, Limits, Problem, Recipe, RunReport,
-    Session, StepReport, StepState, Wanted, output_path,
+    self, Checked, CheckedInput, Problem, Recipe, RunReport, StepReport, StepState,
 };
+use puncta_engine::{Object, Progress};
 use serde_json::{Value, json};
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-
-/// Steps that run at once; each uses all threads where it can.
-const PARALLEL: usize = 2;
 
 pub fn run(context: &Context, run: &Run) -> Result<Ended, Failure> {
     let recipe = load(&run.recipe)?;
@@ -30,30 +21,24 @@ pub fn run(context: &Context, run: &Run) -> Result<Ended, Failure> {
     let plan = context.engine.check_recipe(&recipe);
     refuse(&run.recipe, &plan.problems)?;
     let files = bind(&plan, &run.input)?;
-    let targets = targets(&plan, &files, run)?;
-    std::fs::create_dir_all(&run.out).map_err(|error| Failure::io("make", &run.out, &error))?;
-    let mut objects: Inputs<Object> = BTreeMap::new();
-    let mut records: BTreeMap<String, Vec<InputRecord>> = BTreeMap::new();
-    for (input, path) in &files {
-        read(context, input, path, (&mut objects, &mut records))?;
-    }
-    let wanted = if plan.outputs.is_empty() {
-        Wanted::Everything
-    } else {
-        Wanted::Outputs
+    let task = Task {
+        plan: &plan,
+        files,
+        out: &run.out,
+        overwrite: run.overwrite,
     };
-    // Nothing is run twice, so that nothing needs to be kept for later.
-    let limits = Limits {
-        parallel: PARALLEL,
-        memory: 0,
-    };
-    let session = Session::new(Steps(Arc::clone(&context.engine)), limits);
-    let ticket = session.ticket();
-    let report = session.run(&plan, &objects, &wanted, ticket, &Steady(&context.watch));
+    let first = task.files.first().map(|(_, path)| path.clone());
+    let targets = task.targets(&first.unwrap_or_default())?;
+    let progress = context.progress();
+    let done = task.run(
+        &context.engine,
+        &targets,
+        &progress,
+        &Steady(&context.watch),
+    )?;
     context.watch.end();
-    let written = write(context, run, &plan, &targets, &records, &report);
-    print(context, &plan, &report, &written)?;
-    Ok(ended(&report, &written))
+    print(context, &plan, &done)?;
+    Ok(ended(&done.report, &done.written))
 }
 
 /// A file of the recipe: written, or why not.
@@ -196,76 +181,6 @@ fn bind<'a>(
     Ok(bound)
 }
 
-/// The files to write, all of which can be written as far as can be told.
-fn targets<'a>(
-    plan: &'a Checked,
-    files: &[(&CheckedInput, PathBuf)],
-    run: &Run,
-) -> Result<Vec<(&'a CheckedOutput, PathBuf)>, Failure> {
-    let first = files.first().and_then(|(_, path)| path.file_stem());
-    let first = first
-        .map(|stem| stem.to_string_lossy().into_owned())
-        .unwrap_or_default();
-    let mut targets: Vec<(&CheckedOutput, PathBuf)> = Vec::new();
-    for output in &plan.outputs {
-        let path = run.out.join(output_path(&output.file, &first)?);
-        check_below(&run.out, &path)?;
-        if path.parent().is_some_and(Path::is_dir) {
-            check_target(&path, run.overwrite)?;
-        }
-        if targets.iter().any(|(_, other)| *other == path) {
-            let message = format!("two outputs of the recipe go to {}", path.display());
-            return Err(Failure::bad_file(message).remedy("rename one of the two"));
-        }
-        if let Some((_, path)) = files.iter().find(|(_, file)| same(file, &path)) {
-            let message = format!("the recipe would write over its input {}", path.display());
-            return Err(Failure::bad_file(message).remedy("choose another folder with --out"));
-        }
-        targets.push((output, path));
-    }
-    Ok(targets)
-}
-
-fn same(a: &Path, b: &Path) -> bool {
-    matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
-}
-
-fn read(
-    context: &Context,
-    input: &CheckedInput,
-    path: &Path,
-    (objects, records): (&mut Inputs<Object>, &mut BTreeMap<String, Vec<InputRecord>>),
-) -> Result<(), Failure> {
-    context
-        .watch
-        .begin(&format!("reading {}", crate::context::name(path)));
-    let reader = input.reader.as_ref().map(|reader| reader.id.as_str());
-    let wanted = (input.object.as_deref(), input.kind);
-    let source = context
-        .engine
-        .source(path, reader, &input.options, wanted, &context.progress());
-    context.watch.end();
-    let source = source.map_err(|failure| {
-        let mut failure = located(failure, path);
-        if failure.code == FailureCode::BadParameter {
-            failure = failure.context(format!("input {}", input.name));
-            failure.code = FailureCode::BadFile;
-        }
-        failure
-    })?;
-    source
-        .notes
-        .iter()
-        .for_each(|note| context.watch.note(note));
-    let name = input.name.to_string();
-    objects
-        .entry(name.clone())
-        .or_default()
-        .push((source.key, source.object));
-    records.entry(name).or_default().push(source.record);
-    Ok(())
-}
-
 /// Steps on the one line that there is for progress.
 pub(super) struct Steady<'a>(pub &'a crate::watch::Watch);
 
@@ -284,55 +199,6 @@ impl recipe::Watch for Steady<'_> {
     }
 }
 
-fn write(
-    context: &Context,
-    run: &Run,
-    plan: &Checked,
-    targets: &[(&CheckedOutput, PathBuf)],
-    records: &BTreeMap<String, Vec<InputRecord>>,
-    report: &RunReport<Object>,
-) -> Vec<Outcome> {
-    let mut written = Vec::new();
-    if report.cancelled {
-        return written;
-    }
-    for (output, path) in targets {
-        let Some(found) = report.results.get(&output.from) else {
-            continue;
-        };
-        let one = || -> Result<Saved, Failure> {
-            let [object] = found.objects.as_slice() else {
-                let message = format!("{} is {} objects", output.from, found.objects.len());
-                return Err(Failure::bad_input(format!(
-                    "cannot write {}: {message}",
-                    path.display()
-                ))
-                .remedy("write something that is one object"));
-            };
-            let source = output
-                .source
-                .ok_or_else(|| Failure::internal("an output of nothing"))?;
-            // Again, since the steps took their time.
-            check_below(&run.out, path)?;
-            let folder = puncta_engine::files::folder_of(path);
-            std::fs::create_dir_all(folder).map_err(|error| Failure::io("make", folder, &error))?;
-            let writer = output.writer.as_ref().map(|writer| writer.id.as_str());
-            let saved = Saved::write(
-                context,
-                path,
-                writer,
-                &output.parameters,
-                object,
-                run.overwrite,
-            )?;
-            let record = |name: &str| report.step(name).and_then(|step| step.record.clone());
-            saved.with_provenance(context, lineage(plan, source, records, &record))
-        };
-        written.push((output.file.clone(), one()));
-    }
-    written
-}
-
 fn state(step: &StepReport) -> &'static str {
     match &step.state {
         StepState::Computed => "done",
@@ -343,12 +209,8 @@ fn state(step: &StepReport) -> &'static str {
     }
 }
 
-fn print(
-    context: &Context,
-    plan: &Checked,
-    report: &RunReport<Object>,
-    written: &[Outcome],
-) -> Result<(), Failure> {
+fn print(context: &Context, plan: &Checked, done: &Done) -> Result<(), Failure> {
+    let (report, written) = (&done.report, &done.written);
     for step in &report.steps {
         if let StepState::Failed(failure) = &step.state {
             say(&format!("step {}: {}", step.name, sentence(failure)));
@@ -368,7 +230,7 @@ fn print(
         let steps = report.steps.iter().map(|step| entry(plan, step));
         return context.output.json(&json!({
             "steps": steps.collect::<Vec<Value>>(),
-            "written": done.map(Saved::json).collect::<Vec<Value>>(),
+            "written": done.map(saved::json).collect::<Vec<Value>>(),
             "failed": failed.collect::<Vec<Value>>(),
             "cancelled": report.cancelled,
         }));
@@ -377,7 +239,7 @@ fn print(
     context
         .output
         .text(&table(&rows, &[false, false, true], 0))?;
-    done.map(Saved::text)
+    done.map(saved::text)
         .try_for_each(|text| context.output.text(&text))
 }
 

@@ -1,5 +1,6 @@
 use super::*;
 use puncta_engine::recipe::Place;
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 fn plan(many: bool) -> Checked {
@@ -12,17 +13,8 @@ fn plan(many: bool) -> Checked {
         object: None,
         failure: None,
     };
-    let output = |file: &str| CheckedOutput {
-        file: file.into(),
-        from: "a".into(),
-        source: None,
-        writer: None,
-        parameters: Default::default(),
-        failure: None,
-    };
     Checked {
         inputs: vec![input("locs"), input("beads")],
-        outputs: vec![output("{input}.tif"), output("b/x.csv")],
         ..Checked::default()
     }
 }
@@ -66,32 +58,6 @@ fn files_go_to_inputs() {
             .len(),
         3
     );
-}
-
-#[test]
-fn outputs_are_below_the_folder_and_not_over_an_input() {
-    let folder = tempfile::tempdir().unwrap();
-    let plan = plan(false);
-    let run = |out: &Path, overwrite| Run {
-        recipe: "r.toml".into(),
-        input: Vec::new(),
-        set: Vec::new(),
-        out: out.into(),
-        overwrite,
-    };
-    let input = folder.path().join("cell.tif");
-    std::fs::write(&input, "x").unwrap();
-    let files = vec![(&plan.inputs[0], input)];
-    let good = targets(&plan, &files, &run(Path::new("out"), false)).unwrap();
-    assert_eq!(good[0].1, Path::new("out/cell.tif"));
-    assert_eq!(good[1].1, Path::new("out/b/x.csv"));
-    let sentence = |overwrite| {
-        targets(&plan, &files, &run(folder.path(), overwrite))
-            .unwrap_err()
-            .to_string()
-    };
-    assert!(sentence(false).contains("exists already"));
-    assert!(sentence(true).contains("would write over its input"));
 }
 
 #[test]

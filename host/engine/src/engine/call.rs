@@ -6,6 +6,7 @@ use crate::plugins::catalogue::Installed;
 use crate::plugins::context::Resources;
 use crate::plugins::library;
 use crate::plugins::{Finished, JobContext};
+use crate::room::{Room, needed};
 use crate::store::{Object, Selection, Stored};
 use crate::worker;
 use puncta_documents::{
@@ -52,6 +53,7 @@ pub struct PreparedCall {
     inputs: Vec<Object>,
     converted: Vec<check::Converted>,
     resources: Resources,
+    room: Arc<Room>,
 }
 
 impl Engine {
@@ -94,6 +96,7 @@ impl Engine {
             inputs: bound.into_iter().map(|(_, object)| object).collect(),
             converted,
             resources: self.resources(),
+            room: Arc::clone(&self.room),
         };
         self.check_plan(operation, &call)?;
         Ok(call)
@@ -222,6 +225,8 @@ impl PreparedCall {
         if progress.cancelled() {
             return Err(Failure::cancelled());
         }
+        let room = Arc::clone(&self.room);
+        let _share = room.take(needed(self.plan()), &**progress)?;
         let finished = self
             .finished(progress)
             .map_err(|failure| blame(failure, &self.plugin, &self.operation))?;

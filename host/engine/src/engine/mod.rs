@@ -22,6 +22,7 @@ use crate::plugins::context::Resources;
 use crate::plugins::crashes::Crashes;
 use crate::plugins::library::Library;
 use crate::plugins::sentinel::{Marker, Sentinel};
+use crate::room::Room;
 use crate::settings::{self, Mode, Settings};
 use crate::store::SegmentPool;
 use crate::worker;
@@ -124,6 +125,7 @@ pub struct Engine {
     options: Options,
     pool: Arc<rayon::ThreadPool>,
     segments: Arc<SegmentPool>,
+    room: Arc<Room>,
     workers: Arc<worker::Pool>,
     libraries: Mutex<HashMap<PathBuf, Arc<Library>>>,
     copies: Mutex<HashMap<PathBuf, PathBuf>>,
@@ -169,6 +171,7 @@ impl Engine {
             workers,
             pool: Arc::new(pool),
             segments: Arc::new(SegmentPool::new(KEPT_BYTES)),
+            room: Arc::new(Room::new(options.memory)),
             options,
             libraries: Mutex::default(),
             copies: Mutex::default(),

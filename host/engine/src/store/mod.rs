@@ -11,4 +11,4 @@ pub use layout::Layout;
 pub use object::{ColumnData, Object, Selection, Stored};
 pub use pool::SegmentPool;
 pub use region::Region;
-pub use segment::{Segment, installed_memory};
+pub use segment::{Segment, available as available_memory, installed_memory};
