@@ -56,6 +56,8 @@ pub enum Command {
     Op(Op),
     /// Run a recipe
     Run(Run),
+    /// Run a recipe on each of many files
+    Batch(Batch),
     /// Make a saved file again from its provenance, and compare the bytes
     Replay(Replay),
     /// List plugins, trust them, switch them on and off, choose where they run, pack them
@@ -140,6 +142,39 @@ pub struct Run {
     /// Folder for the files that the recipe writes; made if it is not there
     #[arg(long, short, value_name = "DIR", default_value = ".")]
     pub out: PathBuf,
+    /// Replace files that exist
+    #[arg(long)]
+    pub overwrite: bool,
+}
+
+#[derive(Args, Debug)]
+pub struct Batch {
+    /// The recipe
+    pub recipe: PathBuf,
+    /// Files, each of which goes through the recipe by itself
+    #[arg(required = true, value_name = "FILE")]
+    pub files: Vec<PathBuf>,
+    /// The input that the files are for; the only one that has no file if not given
+    #[arg(long, value_name = "NAME")]
+    pub each: Option<String>,
+    /// File for another input, the same for all; may be given several times
+    #[arg(long, short, value_name = "NAME=FILE")]
+    pub input: Vec<String>,
+    /// Parameter of a step; may be given several times
+    #[arg(long, value_name = "STEP.PARAM=VALUE")]
+    pub set: Vec<String>,
+    /// Folder for results, record and report; made if it is not there
+    #[arg(long, short, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Write one table of what the recipe writes as OUTPUT for each file, with a column for the file
+    #[arg(long, value_name = "FILE=OUTPUT")]
+    pub collect: Vec<String>,
+    /// Files at once; each waits for memory as its plans ask for it
+    #[arg(long, short, default_value_t = 2, value_parser = clap::value_parser!(u8).range(1..=64))]
+    pub jobs: u8,
+    /// Go on with a batch: leave out the files that are done and have not changed
+    #[arg(long)]
+    pub resume: bool,
     /// Replace files that exist
     #[arg(long)]
     pub overwrite: bool,

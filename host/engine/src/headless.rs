@@ -100,17 +100,16 @@ pub struct Done {
 }
 
 impl<'a> Task<'a> {
-    /// The files to write, all of which can be written as far as can be told. `{input}` stands for
-    /// the name of `first` without its suffix.
+    /// The files to write, all of which can be written as far as can be told. `label` stands for
+    /// `{input}`.
     ///
     /// # Errors
     /// When one exists and may not be replaced, leads out of the folder, would replace an input, or
     /// two are one.
-    pub fn targets(&self, first: &Path) -> Result<Vec<(&'a CheckedOutput, PathBuf)>, Failure> {
-        let first = first.file_stem().unwrap_or_default().to_string_lossy();
+    pub fn targets(&self, label: &str) -> Result<Vec<(&'a CheckedOutput, PathBuf)>, Failure> {
         let mut targets: Vec<(&CheckedOutput, PathBuf)> = Vec::new();
         for output in &self.plan.outputs {
-            let path = self.out.join(output_path(&output.file, &first)?);
+            let path = self.out.join(output_path(&output.file, label)?);
             check_below(self.out, &path)?;
             if path.parent().is_some_and(Path::is_dir) {
                 check_target(&path, self.overwrite)?;
@@ -305,7 +304,7 @@ mod tests {
                 out,
                 overwrite,
             };
-            let targets = task.targets(&file)?;
+            let targets = task.targets("cell")?;
             Ok(targets
                 .into_iter()
                 .map(|(_, path)| path)

@@ -1,5 +1,6 @@
 //! Puncta's engine: store, recipe graph, loader, worker, jobs. No window, no algorithm, no format.
 
+pub mod batch;
 pub mod date;
 pub mod engine;
 pub mod files;

@@ -1,5 +1,6 @@
 //! The commands.
 
+mod batch;
 mod convert;
 mod info;
 mod op;
@@ -42,6 +43,7 @@ pub fn run(context: &Context, command: &Command, matches: &ArgMatches) -> Result
             op::run(context, op, operation, given)
         }
         Command::Run(run) => run::run(context, run),
+        Command::Batch(batch) => batch::run(context, batch),
         Command::Replay(replay) => replay::run(context, replay),
         Command::Plugins(plugins) => plugins::run(context, plugins),
         Command::Worker => Ok(Ended::Done),

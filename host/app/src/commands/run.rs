@@ -16,7 +16,7 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
 pub fn run(context: &Context, run: &Run) -> Result<Ended, Failure> {
-    let recipe = load(&run.recipe)?;
+    let (recipe, _) = load(&run.recipe)?;
     let recipe = set(context, recipe, &run.set)?;
     let plan = context.engine.check_recipe(&recipe);
     refuse(&run.recipe, &plan.problems)?;
@@ -27,8 +27,8 @@ pub fn run(context: &Context, run: &Run) -> Result<Ended, Failure> {
         out: &run.out,
         overwrite: run.overwrite,
     };
-    let first = task.files.first().map(|(_, path)| path.clone());
-    let targets = task.targets(&first.unwrap_or_default())?;
+    let first = task.files.first().and_then(|(_, path)| path.file_stem());
+    let targets = task.targets(&first.unwrap_or_default().to_string_lossy())?;
     let progress = context.progress();
     let done = task.run(
         &context.engine,
@@ -44,7 +44,8 @@ pub fn run(context: &Context, run: &Run) -> Result<Ended, Failure> {
 /// A file of the recipe: written, or why not.
 type Outcome = (String, Result<Saved, Failure>);
 
-fn load(path: &Path) -> Result<Recipe, Failure> {
+/// The recipe in a file, and its text.
+pub(super) fn load(path: &Path) -> Result<(Recipe, String), Failure> {
     use std::io::Read;
     let failed = |error: std::io::Error| Failure::io("read", path, &error);
     let file = std::fs::File::open(path).map_err(failed)?;
@@ -70,16 +71,19 @@ fn load(path: &Path) -> Result<Recipe, Failure> {
         ))
         .remedy("save the recipe as UTF-8")
     })?;
-    recipe::parse(&text).or_else(|problems| {
-        refuse(path, &problems)?;
-        Err(Failure::internal(
-            "a recipe without problems that is refused",
-        ))
-    })
+    match recipe::parse(&text) {
+        Ok(recipe) => Ok((recipe, text)),
+        Err(problems) => {
+            refuse(path, &problems)?;
+            Err(Failure::internal(
+                "a recipe without problems that is refused",
+            ))
+        }
+    }
 }
 
 /// All problems are said; the last one is the failure.
-fn refuse(path: &Path, problems: &[Problem]) -> Result<(), Failure> {
+pub(super) fn refuse(path: &Path, problems: &[Problem]) -> Result<(), Failure> {
     let placed = |problem: &Problem| {
         let place = problem.place;
         let place = format!(
@@ -108,7 +112,11 @@ fn refuse(path: &Path, problems: &[Problem]) -> Result<(), Failure> {
 }
 
 /// The recipe with parameters of the command line.
-fn set(context: &Context, mut recipe: Recipe, texts: &[String]) -> Result<Recipe, Failure> {
+pub(super) fn set(
+    context: &Context,
+    mut recipe: Recipe,
+    texts: &[String],
+) -> Result<Recipe, Failure> {
     for text in texts {
         let bad = |message: String| Failure::bad_parameter("set", message);
         let form =
@@ -144,37 +152,47 @@ fn set(context: &Context, mut recipe: Recipe, texts: &[String]) -> Result<Recipe
     Ok(recipe)
 }
 
-/// Which files belong to which input.
-fn bind<'a>(
-    plan: &'a Checked,
-    texts: &[String],
-) -> Result<Vec<(&'a CheckedInput, PathBuf)>, Failure> {
+/// Files of a recipe's inputs.
+pub(super) type Bound<'a> = Vec<(&'a CheckedInput, PathBuf)>;
+
+fn bad_input(message: String) -> Failure {
+    Failure::bad_parameter("input", message)
+}
+
+/// Which files belong to which input; every input has one.
+fn bind<'a>(plan: &'a Checked, texts: &[String]) -> Result<Bound<'a>, Failure> {
+    let bound = bind_others(plan, texts)?;
+    for input in &plan.inputs {
+        if bound.iter().all(|(other, _)| other.name != input.name) {
+            let message = format!("no file is given for the input {}", input.name);
+            return Err(bad_input(message).remedy(format!("add --input {}=FILE", input.name)));
+        }
+    }
+    Ok(bound)
+}
+
+/// Which files belong to which input, as far as they are given.
+pub(super) fn bind_others<'a>(plan: &'a Checked, texts: &[String]) -> Result<Bound<'a>, Failure> {
     let names: Vec<&str> = plan.inputs.iter().map(|input| &*input.name).collect();
     let known = || match names.as_slice() {
         [] => "the recipe has no inputs".to_owned(),
         names => format!("its inputs are {}", names.join(", ")),
     };
-    let bad = |message: String| Failure::bad_parameter("input", message);
     let mut bound: Vec<(&CheckedInput, PathBuf)> = Vec::new();
     for text in texts {
         let (name, file) = text.split_once('=').ok_or_else(|| {
-            bad(format!("--input {text} does not name the input"))
+            bad_input(format!("--input {text} does not name the input"))
                 .remedy(format!("write NAME=FILE; {}", known()))
         })?;
         let input = plan.inputs.iter().find(|input| &*input.name == name);
-        let input =
-            input.ok_or_else(|| bad(format!("the recipe has no input {name}")).remedy(known()))?;
+        let input = input
+            .ok_or_else(|| bad_input(format!("the recipe has no input {name}")).remedy(known()))?;
         if !input.many && bound.iter().any(|(other, _)| other.name == input.name) {
             let message = format!("the input {name} takes one file");
-            return Err(bad(message).remedy(format!("say many = true in [inputs.{name}]")));
+            let remedy = format!("say many = true in [inputs.{name}]");
+            return Err(bad_input(message).remedy(remedy));
         }
         bound.push((input, file.into()));
-    }
-    for input in &plan.inputs {
-        if bound.iter().all(|(other, _)| other.name != input.name) {
-            let message = format!("no file is given for the input {}", input.name);
-            return Err(bad(message).remedy(format!("add --input {}=FILE", input.name)));
-        }
     }
     // In the order of the recipe, whatever the order of the arguments.
     bound.sort_by_key(|(input, _)| names.iter().position(|name| *name == &*input.name));

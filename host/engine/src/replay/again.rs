@@ -1,6 +1,7 @@
 //! Computing a saved object again.
 
 use super::Replay;
+use crate::batch::collect::COLLECTED;
 use crate::engine::{Engine, Steps};
 use crate::job::Progress;
 use crate::recipe::{Inputs, Key, Limits, Session, StepState, Wanted, Watch};
@@ -20,6 +21,11 @@ impl Replay {
         progress: &Arc<dyn Progress>,
         watch: &dyn Watch,
     ) -> Result<Object, Failure> {
+        if self.provenance.object == COLLECTED {
+            let message = "a batch collected this table from its files";
+            return Err(Failure::bad_input(message)
+                .remedy("replay those files, or run the batch again with --resume"));
+        }
         let mut objects: Inputs<Object> = BTreeMap::new();
         let mut kinds: BTreeMap<String, Kind> = BTreeMap::new();
         for (name, paths) in &self.inputs {

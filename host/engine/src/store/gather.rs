@@ -11,7 +11,7 @@ use rayon::prelude::*;
 const BLOCK: usize = 64 * 1024;
 
 /// Makes a column in a segment of its own and lets `fill` write it.
-fn make<T: Number>(
+pub(super) fn make<T: Number>(
     type_: ColumnType,
     rows: u64,
     fill: impl FnOnce(&mut [T]),
@@ -97,36 +97,43 @@ fn gather_texts(column: &ColumnData, rows: &[u32]) -> Result<ColumnData, Failure
         let place = |i: usize| offsets.get(i).map_or(0, |place| *place as usize);
         place(row as usize)..place(row as usize + 1)
     };
-    let total: usize = rows.iter().map(|row| range(*row).len()).sum();
+    make_texts(rows.len(), |i| {
+        let row = rows.get(i).copied().unwrap_or(0);
+        text.get(range(row)).unwrap_or(&[])
+    })
+}
+
+/// Makes a column of UTF-8 texts in a segment of its own.
+pub(super) fn make_texts<'a>(
+    rows: usize,
+    text: impl Fn(usize) -> &'a [u8],
+) -> Result<ColumnData, Failure> {
+    let total: usize = (0..rows).map(|row| text(row).len()).sum();
     let info = ColumnInfo::new("column", Element::Utf8, "1").text_bytes(total as u64);
-    let layout = Layout::of(&Header::table("", rows.len() as u64, vec![info]))?;
+    let layout = Layout::of(&Header::table("", rows as u64, vec![info]))?;
     let place = layout.parts[0][0];
     let segment = Segment::create(layout.bytes)?;
     segment.commit(0..layout.bytes)?;
     // SAFETY: disjoint ranges of a fresh segment that nothing else uses.
-    let (new_offsets, new_text) = unsafe {
+    let (offsets, bytes) = unsafe {
         (
-            writable::<u64>(segment.base(), place.offsets, rows.len() + 1),
+            writable::<u64>(segment.base(), place.offsets, rows + 1),
             writable::<u8>(segment.base(), place.text, total),
         )
     };
     let mut end = 0;
-    for (i, row) in rows.iter().enumerate() {
-        let from = text.get(range(*row)).unwrap_or(&[]);
-        new_text[end..end + from.len()].copy_from_slice(from);
+    for row in 0..rows {
+        let from = text(row);
+        bytes[end..end + from.len()].copy_from_slice(from);
         end += from.len();
-        new_offsets[i + 1] = end as u64;
+        offsets[row + 1] = end as u64;
     }
     let segment = segment.seal(layout.bytes)?;
     Ok(ColumnData {
-        type_: column.type_,
-        rows: rows.len() as u64,
+        type_: ColumnType::scalar(Element::Utf8),
+        rows: rows as u64,
         data: None,
-        offsets: Some(Region::new(
-            &segment,
-            place.offsets,
-            (rows.len() as u64 + 1) * 8,
-        )?),
+        offsets: Some(Region::new(&segment, place.offsets, (rows as u64 + 1) * 8)?),
         text: Some(Region::new(&segment, place.text, total as u64)?),
         entries: 0,
     })

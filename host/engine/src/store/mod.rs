@@ -6,9 +6,11 @@ pub mod object;
 pub mod pool;
 pub mod region;
 pub mod segment;
+pub mod stack;
 
 pub use layout::Layout;
 pub use object::{ColumnData, Object, Selection, Stored};
 pub use pool::SegmentPool;
 pub use region::Region;
 pub use segment::{Segment, available as available_memory, installed_memory};
+pub use stack::{row_of, stack};
