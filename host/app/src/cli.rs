@@ -56,6 +56,9 @@ pub enum Command {
     Op(Op),
     /// Run a recipe
     Run(Run),
+    /// Check a recipe, show what would run, draw its graph
+    #[command(subcommand)]
+    Recipe(Recipe),
     /// Run a recipe on each of many files
     Batch(Batch),
     /// Make a saved file again from its provenance, and compare the bytes
@@ -145,6 +148,31 @@ pub struct Run {
     /// Replace files that exist
     #[arg(long)]
     pub overwrite: bool,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum Recipe {
+    /// Say everything that is wrong with a recipe, without running it
+    Check {
+        /// The recipe
+        recipe: PathBuf,
+    },
+    /// Show what would run, in order, with all parameters
+    Show {
+        /// The recipe
+        recipe: PathBuf,
+    },
+    /// Show what comes from what, as text or as an SVG
+    Graph {
+        /// The recipe
+        recipe: PathBuf,
+        /// SVG file to write
+        #[arg(long, short, value_name = "OUT")]
+        output: Option<PathBuf>,
+        /// Replace OUT if it exists
+        #[arg(long)]
+        overwrite: bool,
+    },
 }
 
 #[derive(Args, Debug)]

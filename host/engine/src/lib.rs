@@ -7,6 +7,7 @@ pub mod files;
 pub mod headless;
 pub mod job;
 pub mod kept;
+pub mod markup;
 pub mod plugins;
 pub mod provenance;
 pub mod recipe;

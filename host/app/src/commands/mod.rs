@@ -6,6 +6,7 @@ mod info;
 mod op;
 mod ops;
 mod plugins;
+mod recipe;
 mod replay;
 mod run;
 
@@ -43,6 +44,7 @@ pub fn run(context: &Context, command: &Command, matches: &ArgMatches) -> Result
             op::run(context, op, operation, given)
         }
         Command::Run(run) => run::run(context, run),
+        Command::Recipe(recipe) => recipe::run(context, recipe),
         Command::Batch(batch) => batch::run(context, batch),
         Command::Replay(replay) => replay::run(context, replay),
         Command::Plugins(plugins) => plugins::run(context, plugins),

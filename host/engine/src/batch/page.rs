@@ -1,6 +1,7 @@
 //! The report of a batch as a page for people, `batch.html`: no scripts, nothing from the network.
 
 use super::record::{BatchRecord, Entry, State};
+use crate::markup::escaped;
 use std::fmt::Write;
 
 /// Name of the page in the output folder.
@@ -96,21 +97,6 @@ fn link(path: &str) -> String {
     }
     // A first part with a colon would be a scheme; "./" before it makes it a path.
     format!("<a href=\"./{target}\">{}</a>", escaped(path))
-}
-
-fn escaped(text: &str) -> String {
-    let mut out = String::with_capacity(text.len());
-    for c in text.chars() {
-        match c {
-            '&' => out.push_str("&amp;"),
-            '<' => out.push_str("&lt;"),
-            '>' => out.push_str("&gt;"),
-            '"' => out.push_str("&quot;"),
-            c if c.is_control() => out.push(' '),
-            c => out.push(c),
-        }
-    }
-    out
 }
 
 #[cfg(test)]

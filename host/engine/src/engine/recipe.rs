@@ -246,7 +246,7 @@ pub fn lineage(
     let steps = steps.iter().filter_map(|at| plan.steps.get(*at));
     let steps = steps.filter_map(|step| step_record(plan, step, &*record(&step.name)?));
     Lineage {
-        object: reference(plan, source).unwrap_or_default(),
+        object: plan.name_of(source).unwrap_or_default(),
         number: 0,
         inputs: files.collect(),
         steps: steps.collect(),
@@ -259,7 +259,7 @@ fn step_record(plan: &Checked, step: &CheckedStep, record: &Record) -> Option<St
         let sources = bound
             .sources
             .iter()
-            .filter_map(|source| reference(plan, *source));
+            .filter_map(|source| plan.name_of(*source));
         Some((
             operation.inputs.get(bound.port)?.name.clone(),
             sources.collect(),
@@ -288,18 +288,6 @@ fn step_record(plan: &Checked, step: &CheckedStep, record: &Record) -> Option<St
         inputs: bound.collect(),
         converted: converted.collect(),
     })
-}
-
-/// How a recipe would name a source.
-fn reference(plan: &Checked, source: Source) -> Option<String> {
-    match source {
-        Source::Input(at) => plan.inputs.get(at).map(|input| input.name.to_string()),
-        Source::Step { step, output } => {
-            let step = plan.steps.get(step)?;
-            let port = step.operation.as_ref()?.outputs.get(output)?;
-            Some(format!("{}.{}", step.name, port.name))
-        }
-    }
 }
 
 #[cfg(test)]

@@ -118,6 +118,19 @@ impl Checked {
             .find(|(_, step)| &*step.name == name)
     }
 
+    /// How a recipe would name a source.
+    #[must_use]
+    pub fn name_of(&self, source: Source) -> Option<String> {
+        match source {
+            Source::Input(at) => self.inputs.get(at).map(|input| input.name.to_string()),
+            Source::Step { step, output } => {
+                let step = self.steps.get(step)?;
+                let port = step.operation.as_ref()?.outputs.get(output)?;
+                Some(format!("{}.{}", step.name, port.name))
+            }
+        }
+    }
+
     /// What a reference such as `step.output` means in this recipe.
     #[must_use]
     pub fn source(&self, reference: &str) -> Option<Source> {

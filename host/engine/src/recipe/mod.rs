@@ -12,6 +12,7 @@ pub mod edit;
 mod entries;
 mod files;
 mod flight;
+pub mod graph;
 pub mod key;
 mod layout;
 mod memo;
