@@ -132,7 +132,7 @@ pub struct Op {
     pub overwrite: bool,
 }
 
-#[derive(Args, Debug)]
+#[derive(Args, Clone, Debug)]
 pub struct Run {
     /// The recipe
     pub recipe: PathBuf,
@@ -148,6 +148,9 @@ pub struct Run {
     /// Replace files that exist
     #[arg(long)]
     pub overwrite: bool,
+    /// Run again whenever the recipe, an input or a plugin changes, until it is stopped
+    #[arg(long)]
+    pub watch: bool,
 }
 
 #[derive(Debug, Subcommand)]

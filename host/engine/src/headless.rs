@@ -1,7 +1,7 @@
 //! A recipe run on files without a window: inputs read, steps run, outputs written with their
 //! provenance.
 
-use crate::engine::{Engine, Steps, Written, lineage};
+use crate::engine::{Engine, SourceFile, Steps, Written, lineage};
 use crate::files::{check_below, check_target, folder_of};
 use crate::job::Progress;
 use crate::provenance::{InputRecord, Lineage};
@@ -10,13 +10,89 @@ use crate::recipe::{
     output_path,
 };
 use crate::store::Object;
-use puncta_documents::{Failure, FailureCode, Header, Map};
+use puncta_documents::{Failure, FailureCode, Header, Kind, Map};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::SystemTime;
 
 /// Steps that run at once; each uses all threads where it can.
 const PARALLEL: usize = 2;
+
+/// A session for a recipe that is run once: nothing is kept for later.
+#[must_use]
+pub fn single(engine: &Arc<Engine>) -> Session<Steps> {
+    keeping(engine, 0)
+}
+
+/// A session that keeps so many bytes of results.
+#[must_use]
+pub fn keeping(engine: &Arc<Engine>, memory: u64) -> Session<Steps> {
+    let limits = Limits {
+        parallel: PARALLEL,
+        memory,
+    };
+    Session::new(Steps(Arc::clone(engine)), limits)
+}
+
+/// Inputs that were read and need not be read again while their files do not change.
+#[derive(Debug, Default)]
+pub struct Sources {
+    keep: bool,
+    known: Vec<(Ident, SourceFile)>,
+}
+
+/// What a source depends on, as far as can be told without reading the file.
+#[derive(Clone, Debug, PartialEq)]
+struct Ident {
+    path: PathBuf,
+    bytes: u64,
+    modified: Option<SystemTime>,
+    reader: Option<String>,
+    options: Map,
+    object: Option<String>,
+    kind: Kind,
+}
+
+impl Sources {
+    /// Sources that are kept.
+    #[must_use]
+    pub fn kept() -> Sources {
+        Sources {
+            keep: true,
+            known: Vec::new(),
+        }
+    }
+
+    fn get(
+        &mut self,
+        engine: &Engine,
+        input: &CheckedInput,
+        path: &Path,
+        progress: &Arc<dyn Progress>,
+    ) -> Result<SourceFile, Failure> {
+        if !self.keep {
+            return read(engine, input, path, progress);
+        }
+        let metadata = path.metadata();
+        let ident = Ident {
+            path: path.to_owned(),
+            bytes: metadata.as_ref().map_or(0, std::fs::Metadata::len),
+            modified: metadata.ok().and_then(|metadata| metadata.modified().ok()),
+            reader: input.reader.as_ref().map(|reader| reader.id.clone()),
+            options: input.options.clone(),
+            object: input.object.clone(),
+            kind: input.kind,
+        };
+        if let Some((_, source)) = self.known.iter().find(|(known, _)| *known == ident) {
+            return Ok(source.clone());
+        }
+        let source = read(engine, input, path, progress)?;
+        self.known.retain(|(known, _)| known.path != ident.path);
+        self.known.push((ident, source.clone()));
+        Ok(source)
+    }
+}
 
 /// A file that was written.
 #[derive(Clone, Debug)]
@@ -127,23 +203,25 @@ impl<'a> Task<'a> {
         Ok(targets)
     }
 
-    /// Reads, runs and writes. A step or file that fails leaves the rest standing.
+    /// Reads what `sources` does not have, runs what the session does not have, and writes. A step
+    /// or file that fails leaves the rest standing.
     ///
     /// # Errors
     /// When an input cannot be read, or the output folder cannot be made.
     pub fn run(
         &self,
-        engine: &Arc<Engine>,
+        (session, sources): (&Session<Steps>, &mut Sources),
         targets: &[(&CheckedOutput, PathBuf)],
         progress: &Arc<dyn Progress>,
         watch: &dyn Watch,
     ) -> Result<Done, Failure> {
+        let engine = &session.runner().0;
         std::fs::create_dir_all(self.out).map_err(|error| Failure::io("make", self.out, &error))?;
         let mut objects: Inputs<Object> = BTreeMap::new();
         let mut inputs: BTreeMap<String, Vec<InputRecord>> = BTreeMap::new();
         for (input, path) in &self.files {
             watch.started(&format!("reading {}", name(path)));
-            let source = read(engine, input, path, progress)?;
+            let source = sources.get(engine, input, path, progress)?;
             for note in &source.notes {
                 watch.message(&name(path), 2, note);
             }
@@ -156,12 +234,6 @@ impl<'a> Task<'a> {
             true => Wanted::Everything,
             false => Wanted::Outputs,
         };
-        // Nothing is run twice, so that nothing needs to be kept for later.
-        let limits = Limits {
-            parallel: PARALLEL,
-            memory: 0,
-        };
-        let session = Session::new(Steps(Arc::clone(engine)), limits);
         let report = session.run(self.plan, &objects, &wanted, session.ticket(), watch);
         drop(objects);
         let mut written = Vec::new();
@@ -220,7 +292,7 @@ fn read(
     input: &CheckedInput,
     path: &Path,
     progress: &Arc<dyn Progress>,
-) -> Result<crate::engine::SourceFile, Failure> {
+) -> Result<SourceFile, Failure> {
     let reader = input.reader.as_ref().map(|reader| reader.id.as_str());
     let wanted = (input.object.as_deref(), input.kind);
     let source = engine.source(path, reader, &input.options, wanted, progress);
@@ -259,7 +331,6 @@ pub fn located(failure: Failure, path: &Path) -> Failure {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use puncta_documents::Kind;
 
     #[test]
     fn a_sentence_names_the_file_once() {

@@ -15,7 +15,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 pub fn run(context: &Context, arguments: &Arguments) -> Result<Ended, Failure> {
     let (recipe, text) = load(&arguments.recipe)?;
-    let recipe = set(context, recipe, &arguments.set)?;
+    let recipe = set(&context.engine, recipe, &arguments.set)?;
     let plan = context.engine.check_recipe(&recipe);
     refuse(&arguments.recipe, &plan.problems)?;
     let others = bind_others(&plan, &arguments.input)?;

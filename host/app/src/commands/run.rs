@@ -1,5 +1,7 @@
 //! `puncta run RECIPE`.
 
+mod watch;
+
 use crate::cli::Run;
 use crate::context::Context;
 use crate::exit::{self, Ended, say, sentence};
@@ -7,18 +9,36 @@ use crate::flags;
 use crate::output::{plain, table};
 use crate::saved;
 use puncta_engine::documents::{Failure, FailureCode};
-use puncta_engine::headless::{Done, Saved, Task};
+use puncta_engine::engine::Steps;
+use puncta_engine::headless::{Done, Saved, Sources, Task, single};
 use puncta_engine::recipe::{
-    self, Checked, CheckedInput, Problem, Recipe, RunReport, StepReport, StepState,
+    self, Checked, CheckedInput, Problem, Recipe, RunReport, Session, StepReport, StepState,
 };
-use puncta_engine::{Object, Progress};
+use puncta_engine::{Engine, Object, Progress};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
 pub fn run(context: &Context, run: &Run) -> Result<Ended, Failure> {
+    if run.watch {
+        return watch::watch(context, run);
+    }
+    once(
+        context,
+        run,
+        (&single(&context.engine), &mut Sources::default()),
+    )
+}
+
+/// Runs the recipe as it is now.
+fn once(
+    context: &Context,
+    run: &Run,
+    session: (&Session<Steps>, &mut Sources),
+) -> Result<Ended, Failure> {
     let (recipe, _) = load(&run.recipe)?;
-    let recipe = set(context, recipe, &run.set)?;
-    let plan = context.engine.check_recipe(&recipe);
+    let engine = &session.0.runner().0;
+    let recipe = set(engine, recipe, &run.set)?;
+    let plan = engine.check_recipe(&recipe);
     refuse(&run.recipe, &plan.problems)?;
     let files = bind(&plan, &run.input)?;
     let task = Task {
@@ -30,12 +50,7 @@ pub fn run(context: &Context, run: &Run) -> Result<Ended, Failure> {
     let first = task.files.first().and_then(|(_, path)| path.file_stem());
     let targets = task.targets(&first.unwrap_or_default().to_string_lossy())?;
     let progress = context.progress();
-    let done = task.run(
-        &context.engine,
-        &targets,
-        &progress,
-        &Steady(&context.watch),
-    )?;
+    let done = task.run(session, &targets, &progress, &Steady(&context.watch))?;
     context.watch.end();
     print(context, &plan, &done)?;
     Ok(ended(&done.report, &done.written))
@@ -113,7 +128,7 @@ pub(super) fn refuse(path: &Path, problems: &[Problem]) -> Result<(), Failure> {
 
 /// The recipe with parameters of the command line.
 pub(super) fn set(
-    context: &Context,
+    engine: &Engine,
     mut recipe: Recipe,
     texts: &[String],
 ) -> Result<Recipe, Failure> {
@@ -133,7 +148,7 @@ pub(super) fn set(
                     .remedy(format!("its steps are {}", names.join(", ")))
             })?;
         let mut value: Value = value.into();
-        if let Ok((_, operation)) = context.engine.operation(&step.op) {
+        if let Ok((_, operation)) = engine.operation(&step.op) {
             let known = operation
                 .parameters
                 .iter()

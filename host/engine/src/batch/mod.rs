@@ -10,7 +10,7 @@ pub use record::{BATCH, BatchRecord, Entry, OutputEntry, RECORD, State};
 
 use crate::engine::Engine;
 use crate::files::write_whole;
-use crate::headless::{Done, Task};
+use crate::headless::{Done, Sources, Task, single};
 use crate::job::Progress;
 use crate::provenance::FileRecord;
 use crate::recipe::{Checked, CheckedInput, StepState, Watch};
@@ -181,7 +181,8 @@ impl Batch<'_> {
             overwrite: self.overwrite || self.resume,
         };
         let targets = task.targets(&entry.label)?;
-        task.run(engine, &targets, progress, watch)
+        let session = (&single(engine), &mut Sources::default());
+        task.run(session, &targets, progress, watch)
     }
 }
 

@@ -178,6 +178,12 @@ impl Engine {
         })
     }
 
+    /// What it was opened with.
+    #[must_use]
+    pub fn options(&self) -> &Options {
+        &self.options
+    }
+
     /// Installed plugins.
     #[must_use]
     pub fn catalogue(&self) -> &Catalogue {

@@ -2,9 +2,10 @@
 
 use super::Replay;
 use crate::batch::collect::COLLECTED;
-use crate::engine::{Engine, Steps};
+use crate::engine::Engine;
+use crate::headless::single;
 use crate::job::Progress;
-use crate::recipe::{Inputs, Key, Limits, Session, StepState, Wanted, Watch};
+use crate::recipe::{Inputs, Key, StepState, Wanted, Watch};
 use crate::store::Object;
 use puncta_documents::{Failure, Kind};
 use std::collections::BTreeMap;
@@ -50,13 +51,7 @@ impl Replay {
         if let Some(problem) = plan.problems.first() {
             return Err(problem.failure.clone());
         }
-        let session = Session::new(
-            Steps(Arc::clone(engine)),
-            Limits {
-                memory: 0,
-                ..Limits::default()
-            },
-        );
+        let session = single(engine);
         let references = Wanted::References(vec![wanted.clone()]);
         let report = session.run(&plan, &objects, &references, session.ticket(), watch);
         if report.cancelled {
