@@ -69,6 +69,18 @@ pub enum Command {
     /// Serve calls over a socket on standard input
     #[command(hide = true)]
     Worker,
+    /// Do one check of a library in this process
+    #[command(hide = true)]
+    CheckOne(CheckOne),
+}
+
+#[derive(Args, Debug)]
+pub struct CheckOne {
+    pub check: String,
+    pub library: PathBuf,
+    pub folder: PathBuf,
+    pub strictness: u8,
+    pub answer: PathBuf,
 }
 
 #[derive(Args, Debug)]
@@ -256,6 +268,63 @@ pub enum Plugins {
         #[arg(required = true, value_name = "LIB")]
         libraries: Vec<PathBuf>,
     },
+    /// Check a built library from outside: its tables, what it says of itself, and what its calls
+    /// do with good, odd and hostile data; this runs its code
+    Check(Check),
+    /// Start a project for a plugin, with the SDK's sources in it
+    New(New),
+    /// Replace the SDK's sources in a plugin's project by those of this program
+    UpdateSdk {
+        /// The project's folder
+        #[arg(value_name = "DIR", default_value = ".")]
+        project: PathBuf,
+    },
+}
+
+#[derive(Args, Debug)]
+pub struct Check {
+    /// The library, or a folder with one
+    #[arg(value_name = "PATH", required_unless_present = "list")]
+    pub path: Option<PathBuf>,
+    /// How much is asked
+    #[arg(long, value_name = "1..10", default_value_t = 5, value_parser = clap::value_parser!(u8).range(1..=10))]
+    pub strictness: u8,
+    /// Only this check and what it builds on; may be given several times
+    #[arg(long, value_name = "TEST")]
+    pub only: Vec<String>,
+    /// List the checks
+    #[arg(long)]
+    pub list: bool,
+}
+
+#[derive(Args, Debug)]
+pub struct New {
+    /// Name of the plugin, such as nearest-neighbours; or its id, such as lab.nearest-neighbours
+    pub name: String,
+    /// What it begins with
+    #[arg(long, default_value = "operation")]
+    pub kind: ProjectKind,
+    /// Language
+    #[arg(long, default_value = "rust")]
+    pub language: Language,
+    /// Folder for the project; a folder of its name here if not given
+    #[arg(long, value_name = "DIR")]
+    pub to: Option<PathBuf>,
+}
+
+/// What a project begins with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum ProjectKind {
+    Operation,
+    Reader,
+    Writer,
+}
+
+/// Language of a project.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Language {
+    Rust,
+    C,
 }
 
 /// Where the calls of a plugin run.

@@ -64,6 +64,9 @@ fn run(arguments: Vec<OsString>, early: &Early) -> Result<Ended, Failure> {
         return Ok(Ended::Done);
     }
     let options = context::options(&cli.global)?;
+    if let Command::CheckOne(one) = &command {
+        return commands::check_one(one, options);
+    }
     let watch = watch::Watch::new(watch::signals(), cli.global.quiet);
     let context = Context {
         engine: Arc::new(Engine::open(options)?),

@@ -209,6 +209,9 @@ fn guarded(host: HostCalls, work: impl FnOnce() -> Result<(), Failure>) -> u32 {
     }
 }
 
+/// An operation that no plugin has: whoever asks for it wants to see that a panic is caught.
+const SELF_TEST: &str = "puncta.self-test.panic/1";
+
 unsafe extern "C" fn prepare(instance: u64, job: u64, request: Str, plan: *mut abi::Plan) -> u32 {
     // SAFETY: the host passes back what `create` gave it.
     let Some(instance) = (unsafe { (instance as *const Instance).as_ref() }) else {
@@ -224,6 +227,9 @@ unsafe extern "C" fn prepare(instance: u64, job: u64, request: Str, plan: *mut a
             .ok_or_else(|| Failure::internal("the host's request is no UTF-8"))?;
         let request: Request = puncta_documents::parse(text, REQUEST)
             .map_err(|why| Failure::internal(format!("the host's request is {why}")))?;
+        if request.operation == SELF_TEST {
+            panic!("this panic was asked for");
+        }
         let registered = registrations();
         let operation = registered
             .iter()

@@ -1,6 +1,7 @@
 //! The commands.
 
 mod batch;
+mod check;
 mod convert;
 mod info;
 mod op;
@@ -8,7 +9,10 @@ mod ops;
 mod plugins;
 mod recipe;
 mod replay;
+mod project;
 mod run;
+
+pub use check::one as check_one;
 
 use crate::cli::Command;
 use crate::context::Context;
@@ -48,7 +52,7 @@ pub fn run(context: &Context, command: &Command, matches: &ArgMatches) -> Result
         Command::Batch(batch) => batch::run(context, batch),
         Command::Replay(replay) => replay::run(context, replay),
         Command::Plugins(plugins) => plugins::run(context, plugins),
-        Command::Worker => Ok(Ended::Done),
+        Command::Worker | Command::CheckOne(_) => Ok(Ended::Done),
     }
 }
 

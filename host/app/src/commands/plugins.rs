@@ -1,4 +1,4 @@
-//! `puncta plugins list | trust | enable | disable | mode | pack`.
+//! `puncta plugins list | trust | enable | disable | mode | pack | check | new | update-sdk`.
 
 use crate::cli::{Plugins, Where};
 use crate::context::Context;
@@ -27,6 +27,9 @@ pub fn run(context: &Context, plugins: &Plugins) -> Result<Ended, Failure> {
             chosen(context, id, context.engine.set_mode(id, mode)?)
         }
         Plugins::Pack { libraries } => pack(context, libraries),
+        Plugins::Check(order) => super::check::run(context, order),
+        Plugins::New(order) => super::project::new(context, order),
+        Plugins::UpdateSdk { project } => super::project::update(context, project),
     }
 }
 
