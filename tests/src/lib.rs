@@ -1,6 +1,7 @@
 //! What the whole-product tests share: where the build's products lie, and bundles of plugins.
 #![allow(clippy::expect_used, clippy::unwrap_used, clippy::missing_panics_doc)]
 
+pub mod c;
 pub mod faults;
 pub mod lab;
 pub mod left;

@@ -46,7 +46,9 @@ pub fn find(check: Check, ground: &Ground) -> Option<Found> {
         Check::NoMemory => no_memory,
         Check::CancelSaid => cancel_said,
         Check::CancelSoon => cancel_soon,
-        Check::LargeTable => |ground, instance, case| large(ground, instance, case).map(|_| ()),
+        Check::LargeTable => {
+            |ground, instance, case| large(ground, instance, case, LONG).map(|_| ())
+        }
         _ => return None,
     };
     let found = ground
@@ -338,11 +340,12 @@ fn lean(instance: &Instance, setting: &Setting) -> Setting {
     }
 }
 
-/// The example on tables that grow until a call takes half a second; with the time of the last.
+/// The example on tables that grow until a call takes so long; with the time of the last.
 fn large(
     ground: &Ground,
     instance: &Instance,
     case: &Case<'_>,
+    long: Duration,
 ) -> Result<(Setting, Duration), String> {
     let most: u64 = if ground.orders.strictness >= 9 {
         10_000_000
@@ -366,8 +369,8 @@ fn large(
         .map(|cells| cells.data.len())
         .sum();
     let mut count = 1;
-    while best.1 < LONG {
-        let step = if best.1 < LONG / 20 { 10 } else { 4 };
+    while best.1 < long {
+        let step = if best.1 < long / 20 { 10 } else { 4 };
         count = (count * step).min(most / rows.max(1));
         let Some(setting) = base.with_tables(|item| odd::times(item, count)) else {
             break;
@@ -400,12 +403,12 @@ fn cancel_soon(ground: &Ground, instance: &Instance, case: &Case<'_>) -> Result<
     if !interruptible {
         return Ok(());
     }
-    let (setting, time) = large(ground, instance, case)?;
+    let (setting, time) = large(ground, instance, case, 3 * LONG)?;
     if time < Duration::from_millis(20) {
         return Ok(());
     }
     ground.doing(&format!("{} when cancelled", case.operation.id));
-    let (ended, back) = stopped_after(instance, &setting, (time / 4).min(LONG / 4));
+    let (ended, back) = stopped_after(instance, &setting, (time / 8).min(LONG / 4));
     ended.decent()?;
     match back {
         Some(back) if back > BACK => Err(format!(

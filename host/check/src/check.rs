@@ -126,7 +126,7 @@ checks! {
         "A port that takes a column's name from a parameter names a column parameter that there is.";
     FileRules "file-rules" 1 [Describe]
         "Readers and writers name their suffixes in lower case with the dot, and first bytes as hexadecimal digits.";
-    Examples "examples" 2 [Describe]
+    Examples "examples" 1 [Describe]
         "Every operation declares an example with parameters that it allows and inputs that it has.";
     GetUnknown "get-unknown" 2 [Create]
         "A table that the plugin does not have, and a name that only begins like one, is answered with null.";
@@ -140,7 +140,7 @@ checks! {
         "A host without the tables that the plugin needs is refused and not followed.";
     FutureHost "future-host" 2 [Create]
         "A host of a later version with a longer table and further tables is accepted.";
-    Plans "plans" 1 [Create]
+    Plans "plans" 1 [Create, Defaults, Examples, ColumnNeeds]
         "The example's request is answered with a plan that reads columns which there are.";
     ExampleRuns "example-runs" 1 [Plans]
         "The example runs and gives its outputs.";
@@ -152,16 +152,12 @@ checks! {
         "Progress is reported as a fraction between 0 and 1.";
     UnknownOperation "unknown-operation" 3 [Create]
         "An operation that the plugin does not have is refused.";
-    BadRequests "bad-requests" 5 [Plans]
-        "Random and damaged requests are refused or planned, and nothing else.";
     FutureRequest "future-request" 2 [Plans]
         "A request with members of a later version is planned like one without.";
     AtLimits "at-limits" 4 [ExampleRuns]
         "Each parameter at its least and greatest value and each choice works or is refused with a reason.";
     BeyondLimits "beyond-limits" 5 [ExampleRuns]
         "Parameters beyond their limits, of a wrong type or missing are planned or refused, and nothing else.";
-    Reasons "reasons" 3 [ExampleRuns]
-        "A call that fails says why in one sentence that the person can use.";
     EmptyTable "empty-table" 3 [ExampleRuns]
         "A table without rows works or is refused with a reason.";
     OneRow "one-row" 3 [ExampleRuns]
@@ -174,7 +170,11 @@ checks! {
         "A table without a column that is needed is refused with a reason.";
     OptionalInputs "optional-inputs" 3 [ExampleRuns]
         "Inputs that may be left out may be left out.";
-    LargeTable "large-table" 7 [ExampleRuns]
+    Reasons "reasons" 5 [BeyondLimits, EmptyTable, MissingColumns]
+        "A call that fails says why in one sentence that the person can use.";
+    BadRequests "bad-requests" 5 [UnknownOperation, AtLimits, BeyondLimits, MissingColumns, OptionalInputs]
+        "Random and damaged requests are refused or planned, and nothing else.";
+    LargeTable "large-table" 4 [ExampleRuns]
         "Ten million rows, or as many as half a second allows, work.";
     PrepareQuick "prepare-quick" 4 [Plans]
         "A plan for a billion rows is made in less than a second, so that recipes can be checked.";
@@ -200,13 +200,13 @@ checks! {
         "The engine gets the same bits from a worker process.";
     Reentrant "reentrant" 5 [SameAgain]
         "A plugin that says it is reentrant gives the same bits from two calls at once.";
-    CancelSoon "cancel-soon" 4 [ExampleRuns]
+    CancelSoon "cancel-soon" 4 [LargeTable]
         "A call that says it can be interrupted is back soon after it was cancelled.";
     CancelSaid "cancel-said" 4 [ExampleRuns]
         "A cancelled call says that it was cancelled, or that it was already done.";
     NoMemory "no-memory" 5 [ExampleRuns]
         "A host that has no memory for an output is a reason to fail, not to crash.";
-    PanicContained "panic-contained" 3 [Create]
+    PanicContained "panic-contained" 3 [UnknownOperation]
         "A panic of the plugin reaches the host as a status: the library was built to unwind.";
     MemoryReturned "memory-returned" 6 [ExampleRuns]
         "Memory does not grow with the number of calls.";

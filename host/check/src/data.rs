@@ -285,9 +285,8 @@ fn same_in_worker(ground: &Ground) -> Found {
         Engine::open(options.clone()).map_err(|failure| failure.to_string())
     };
     let worker = open(&options)?;
-    // A plugin that insists on a worker is compared with a second worker, on one thread.
+    // A plugin that insists on a worker is compared with a second worker.
     options.isolation = Isolation::InProcess;
-    options.threads = 1;
     let other = open(&options)?;
     ground.each(&instance, |case| {
         let setting = fair(ground, &instance, case);

@@ -147,9 +147,8 @@ fn surroundings() -> Vec<(&'static str, String)> {
 }
 
 fn process_kept(instance: &Instance, case: &Case<'_>) -> Result<(), String> {
-    let setting = case.good(instance);
     let before = surroundings();
-    instance.call(&setting).good()?;
+    instance.call(&case.good(instance)).good()?;
     let after = surroundings();
     match before.iter().zip(&after).find(|(a, b)| a != b) {
         Some(((name, _), _)) => Err(format!("the process's {name} changed")),
