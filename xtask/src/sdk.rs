@@ -1,4 +1,5 @@
-//! The bundle's `sdk/`: the sources that a plugin author compiles against, as a workspace of its own.
+//! The bundle's `sdk/`: the sources that a plugin author compiles against. Each package stands on its
+//! own, so that a project can take copies of them and needs nothing else of this workspace.
 
 use std::path::Path;
 
@@ -8,51 +9,89 @@ use toml::{Table, Value};
 use crate::files;
 use crate::workspace::Workspace;
 
-/// The folder of the SDK's packages, here and in the bundle.
+/// The folder of the SDK's packages.
 const PACKAGES: &str = "plugin-api";
+/// What packages inherit from the workspace.
+const INHERITED: &str = "workspace";
 
 pub fn lay(workspace: &Workspace, to: &Path) -> Result<()> {
-    files::copy_sources(&workspace.root.join(PACKAGES), &to.join(PACKAGES))?;
-    let template = workspace.root.join("sdk-template");
-    if template.is_dir() {
-        files::copy_sources(&template, &to.join("template"))?;
+    let root = read(&workspace.root.join("Cargo.toml"))?;
+    let packages = workspace.root.join(PACKAGES);
+    let entries = std::fs::read_dir(&packages)
+        .with_context(|| format!("cannot read {}", packages.display()))?;
+    for entry in entries {
+        let from = entry?.path();
+        let name = from.file_name().unwrap_or_default().to_owned();
+        let manifest = from.join("Cargo.toml");
+        if !manifest.is_file() {
+            continue;
+        }
+        let place = to.join(&name);
+        files::copy_sources(&from, &place)?;
+        // Examples are for this workspace's tests.
+        files::remove_folder(&place.join("examples"))?;
+        let text = toml::to_string(&own_manifest(&read(&manifest)?, &root)?)
+            .context("cannot write a manifest of the SDK")?;
+        let path = place.join("Cargo.toml");
+        std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
     }
+    files::copy_sources(&workspace.root.join("sdk-template"), &to.join("template"))?;
     files::copy(&workspace.root.join("Cargo.lock"), &to.join("Cargo.lock"))?;
-    let manifest = workspace.root.join("Cargo.toml");
-    let text = std::fs::read_to_string(&manifest)
-        .with_context(|| format!("cannot read {}", manifest.display()))?;
-    std::fs::write(to.join("Cargo.toml"), own_manifest(&text)?)
-        .with_context(|| format!("cannot write {}", to.join("Cargo.toml").display()))
+    for licence in ["LICENSE-APACHE", "LICENSE-MIT"] {
+        files::copy(&workspace.root.join(licence), &to.join(licence))?;
+    }
+    Ok(())
 }
 
-/// The root manifest reduced to the SDK's packages: same versions and lints, other members.
-fn own_manifest(text: &str) -> Result<String> {
-    let mut manifest: Table = text.parse().context("cannot read the root Cargo.toml")?;
-    let workspace = manifest
-        .get_mut("workspace")
-        .and_then(Value::as_table_mut)
+fn read(path: &Path) -> Result<Table> {
+    let text =
+        std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+    text.parse()
+        .with_context(|| format!("cannot understand {}", path.display()))
+}
+
+/// A package's manifest with everything in it that it inherits from the workspace.
+fn own_manifest(manifest: &Table, root: &Table) -> Result<Table> {
+    let workspace = root
+        .get("workspace")
+        .and_then(Value::as_table)
         .context("the root Cargo.toml has no [workspace]")?;
-    workspace.insert(
-        "members".into(),
-        Value::Array(vec![format!("{PACKAGES}/*").into()]),
-    );
-    workspace.insert("exclude".into(), Value::Array(vec!["template".into()]));
-    workspace.remove("default-members");
-    // Of our own packages the SDK holds only those in its folder.
-    if let Some(dependencies) = workspace
-        .get_mut("dependencies")
-        .and_then(Value::as_table_mut)
-    {
-        dependencies.retain(|_, dependency| {
-            dependency
-                .get("path")
-                .and_then(Value::as_str)
-                .is_none_or(|path| path.starts_with(PACKAGES))
-        });
+    let shared = |table: &str, key: &str| -> Result<Value> {
+        let found = workspace
+            .get(table)
+            .and_then(|table| table.get(key))
+            .cloned();
+        found.with_context(|| format!("the workspace has no {table}.{key}"))
+    };
+    let mut own = manifest.clone();
+    // Lints are this workspace's policy; an author's compiler would only warn of them.
+    own.remove("lints");
+    own.remove("example");
+    own.remove("dev-dependencies");
+    if let Some(package) = own.get_mut("package").and_then(Value::as_table_mut) {
+        for (key, value) in package.iter_mut() {
+            if value.get(INHERITED).is_some() {
+                *value = shared("package", key)?;
+            }
+        }
     }
-    // Profiles name packages that are not part of the SDK.
-    manifest.remove("profile");
-    toml::to_string(&manifest).context("cannot write the SDK's Cargo.toml")
+    if let Some(dependencies) = own.get_mut("dependencies").and_then(Value::as_table_mut) {
+        for (name, value) in dependencies.iter_mut() {
+            if value.get(INHERITED).is_none() {
+                continue;
+            }
+            let mut dependency = shared("dependencies", name)?;
+            if let Some(path) = dependency.get_mut("path") {
+                let folder = path.as_str().unwrap_or_default();
+                let folder = folder.strip_prefix(PACKAGES).with_context(|| {
+                    format!("{name} is not in {PACKAGES}, where the SDK's packages are")
+                })?;
+                *path = Value::String(format!("..{folder}"));
+            }
+            *value = dependency;
+        }
+    }
+    Ok(own)
 }
 
 #[cfg(test)]
@@ -60,37 +99,39 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_manifest_keeps_versions_and_drops_the_host() -> Result<()> {
-        let text = r#"
-            [workspace]
-            resolver = "3"
-            members = ["host/*", "plugin-api/*", "xtask"]
+    fn a_package_stands_on_its_own() -> Result<()> {
+        let root: Table = r#"
             [workspace.package]
             edition = "2024"
+            version = "0.1.0"
             [workspace.dependencies]
-            puncta-sdk = { path = "plugin-api/sdk" }
+            puncta-abi = { path = "plugin-api/abi" }
             puncta-engine = { path = "host/engine" }
             serde = { version = "1", features = ["derive"] }
-            [profile.dev.package.rustfft]
-            opt-level = 2
-        "#;
-        let manifest: Table = own_manifest(text)?.parse()?;
-        let workspace = &manifest["workspace"];
+        "#
+        .parse()?;
+        let package: Table = r#"
+            [package]
+            name = "puncta-sdk"
+            version.workspace = true
+            edition.workspace = true
+            [dependencies]
+            puncta-abi.workspace = true
+            serde.workspace = true
+            [lints]
+            workspace = true
+        "#
+        .parse()?;
+        let own = own_manifest(&package, &root)?;
+        assert_eq!(own["package"]["edition"].as_str(), Some("2024"));
         assert_eq!(
-            workspace["members"],
-            Value::Array(vec!["plugin-api/*".into()])
+            own["dependencies"]["puncta-abi"]["path"].as_str(),
+            Some("../abi")
         );
-        assert_eq!(workspace["package"]["edition"].as_str(), Some("2024"));
-        assert_eq!(
-            workspace["dependencies"]["serde"]["version"].as_str(),
-            Some("1")
-        );
-        assert_eq!(
-            workspace["dependencies"]["puncta-sdk"]["path"].as_str(),
-            Some("plugin-api/sdk")
-        );
-        assert!(workspace["dependencies"].get("puncta-engine").is_none());
-        assert!(!manifest.contains_key("profile"));
+        assert_eq!(own["dependencies"]["serde"]["version"].as_str(), Some("1"));
+        assert!(!toml::to_string(&own)?.contains("workspace"));
+        let stray: Table = "[dependencies]\npuncta-engine.workspace = true".parse()?;
+        assert!(own_manifest(&stray, &root).is_err());
         Ok(())
     }
 }
