@@ -31,10 +31,8 @@ THUNDERSTORM = [
 ]
 PYME_TEXT = ["python-microscopy/test_csv.csv"]
 NAMED_TEXT = [
-    "bstore/MT0.N1.LD-AS-Exp_Localizations.csv",
     "bstore/calibration_curves.csv",
     "bstore/locResults_A647_Pos0_processed.csv",
-    "bstore/sequence-as-stack-Beads-AS-Exp_Localizations.csv",
     "locan/five_blobs.txt",
     "locan/five_blobs_3D.txt",
     "pointgraphnet/mito_0.csv",
@@ -44,15 +42,8 @@ NAMED_TEXT = [
     "pyme-smlm-import-tests/CaulobacterC_2_R09_stalk_MoernerLab.csv",
     "pyme-smlm-import-tests/U2OS_microtubules_ThunderSTORM_single_RiesLab.csv",
     "pyminflux/Fig2_U2OS_Tom70-Dreiklang_ATP5B_AB_Minflux3D.csv",
-    "pyminflux/two_fluorophores_df.csv",
-    "saspt/region_0_7ms_trajs.csv",
-    "saspt/sample_tracks.csv",
     "smlm-clustering/Training_EASY.csv",
     "smlm-clustering/Training_MEDIUM.csv",
-    "spot-on/MOSAIC.csv",
-    "spot-on/TrackMate.csv",
-    "spot-on/standard_csv.csv",
-    "thunderstorm/tubulins1_00020.csv",
 ]
 PICASSO = [
     "picasso/egfr_mols.hdf5",
@@ -291,17 +282,21 @@ def table(name, rows, columns):
 
 
 def write(out, data, format_name, read, files):
-    entries = []
-    for file in files:
-        path = data / file
-        content = path.read_bytes()
-        entries.append(
-            {
-                "file": file,
-                "sha256": hashlib.sha256(content).hexdigest(),
-                "objects": read(path),
-            }
-        )
+    entries = [entry(data, file, read) for file in files]
+    save(out, format_name, entries)
+
+
+def entry(data, file, read):
+    path = data / file
+    content = path.read_bytes()
+    return {
+        "file": file,
+        "sha256": hashlib.sha256(content).hexdigest(),
+        "objects": read(path),
+    }
+
+
+def save(out, format_name, entries):
     place = out / f"{format_name}.json"
     place.write_text(document(format_name, entries), encoding="utf-8")
     print(f"{place}: {len(entries)} files")
@@ -311,7 +306,8 @@ def document(format_name, entries):
     """The JSON text with one line per column, so that a change shows as the columns that changed."""
     lines = [f'{{"format": "{FORMAT}", "files_format": "{format_name}", "files": [']
     for entry in entries:
-        lines.append(f'{{"file": "{entry["file"]}", "sha256": "{entry["sha256"]}", "objects": [')
+        head = {key: value for key, value in entry.items() if key != "objects"}
+        lines.append(json.dumps(head, ensure_ascii=False)[:-1] + ', "objects": [')
         for item in entry["objects"]:
             lines.append(f'{{"object": "{item["object"]}", "rows": {item["rows"]}, "columns": [')
             lines.append(",\n".join(json.dumps(c, allow_nan=False) for c in item["columns"]))

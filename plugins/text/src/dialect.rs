@@ -1,53 +1,9 @@
 //! How a text file is written: its encoding, delimiter, header and kind.
 
 use crate::encoding::Encoding;
+use crate::flavours::Flavour;
 use crate::options::Delimiter;
 use crate::schema::Kind;
-
-/// Who writes files of this kind.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Flavour {
-    /// ThunderSTORM: frames from 1.
-    ThunderStorm,
-    /// PYME: names in a `#` line, nm, frames from 0.
-    Pyme,
-    /// vLUME: `#LUME VERSION` above the header.
-    Vlume,
-    /// Zeiss ELYRA: tabs, frames from 1, image settings behind the table.
-    Elyra,
-    /// Ground truth of the SMLM challenge: frames from 1.
-    Challenge,
-    /// SMAP's csv: `xnm`, frames from 1.
-    Smap,
-    /// Our own file with a line of column types.
-    Typed,
-    /// Any other table with named columns.
-    Named,
-}
-
-impl Flavour {
-    /// The number of the first frame.
-    pub fn frame_base(self) -> u8 {
-        match self {
-            Flavour::ThunderStorm | Flavour::Elyra | Flavour::Challenge | Flavour::Smap => 1,
-            _ => 0,
-        }
-    }
-
-    /// A name for the person.
-    pub fn label(self) -> &'static str {
-        match self {
-            Flavour::ThunderStorm => "ThunderSTORM",
-            Flavour::Pyme => "PYME",
-            Flavour::Vlume => "vLUME",
-            Flavour::Elyra => "Zeiss ELYRA",
-            Flavour::Challenge => "SMLM challenge",
-            Flavour::Smap => "SMAP",
-            Flavour::Typed => "Puncta",
-            Flavour::Named => "named columns",
-        }
-    }
-}
 
 /// How a text file is written.
 #[derive(Debug, Clone, PartialEq)]
@@ -56,6 +12,16 @@ pub struct Dialect {
     pub file: String,
     /// Who writes files of this kind.
     pub flavour: Flavour,
+    /// The columns of a kind without a header: name and unit of the host.
+    pub positions: Option<&'static [(&'static str, &'static str)]>,
+    /// Only the values say which kind it is, so that no unit is known.
+    pub assumed: bool,
+    /// There are no names in the file.
+    pub nameless: bool,
+    /// Camera pixel along x and y in nm, where the file says it.
+    pub pixel: Option<[f64; 2]>,
+    /// The unit of x and y that the file says for both.
+    pub lateral_unit: Option<String>,
     /// Encoding of the bytes; all offsets count bytes after conversion to UTF-8.
     pub encoding: Encoding,
     /// What stands between values.
@@ -78,28 +44,4 @@ pub struct Dialect {
     pub trailing: bool,
     /// Column types where the file says them.
     pub types: Vec<Kind>,
-}
-
-/// The kind of file by its names and comments.
-pub fn flavour(names: &[String], comments: &[String], from_hash: bool) -> Flavour {
-    let has = |name: &str| names.iter().any(|n| n == name);
-    let starts = |start: &str| names.iter().any(|n| n.starts_with(start));
-    let pyme = ["y", "t", "sig", "error_x", "tIndex", "A"]
-        .into_iter()
-        .any(has);
-    if comments.iter().any(|c| c.starts_with("LUME VERSION")) {
-        Flavour::Vlume
-    } else if from_hash && has("x") && pyme {
-        Flavour::Pyme
-    } else if has("frame") && (starts("x [") || starts("x_[")) {
-        Flavour::ThunderStorm
-    } else if has("First Frame") && starts("Position X") {
-        Flavour::Elyra
-    } else if has("Ground-truth") && has("xnano") {
-        Flavour::Challenge
-    } else if has("xnm") && has("locprecnm") {
-        Flavour::Smap
-    } else {
-        Flavour::Named
-    }
 }

@@ -1,4 +1,4 @@
-//! Localisations as text: ThunderSTORM csv, PYME text, csv and tsv with named columns.
+//! Localisations and tracks as text: the tables of the field's programs, and any other table.
 //!
 //! A file is sniffed ([`sniff`]), its columns are mapped to names and units of the host
 //! ([`mapping`]), and its rows are read in parallel pieces straight into the host's columns
@@ -6,14 +6,19 @@
 //! the columns and a few pieces of the file.
 
 pub mod columns;
+pub mod decode;
 pub mod dialect;
 pub mod encoding;
 pub mod fault;
+pub mod flavours;
+pub mod footer;
+pub mod headerless;
 pub mod mapping;
-pub mod names;
+pub mod notes;
 pub mod number;
 pub mod options;
 pub mod piece;
+pub mod rapidstorm;
 pub mod read;
 pub mod reader;
 pub mod record;
@@ -23,7 +28,7 @@ pub mod schema;
 pub mod sink;
 pub mod sniff;
 pub mod table;
-pub mod units;
+pub mod tagged;
 pub mod wording;
 pub mod write;
 pub mod writer;

@@ -54,7 +54,10 @@ fn a_frame_zero_in_the_sample_says_where_frames_start() {
         ),
         (0, false)
     );
-    let table = open("frame,x [nm]\n3,1\n0,2\n", |o| o.frame_base = Some(1)).unwrap();
+    let table = open("frame,x [nm]\n3,1\n0,2\n", |o| {
+        o.mapping.frame_base = Some(1)
+    })
+    .unwrap();
     assert_eq!(
         (
             table.plan.columns[0].base,
@@ -78,9 +81,9 @@ fn units() {
         [("nm", 3), ("unknown", 0), ("unknown", 0), ("unknown", 0)]
     );
     let table = open("x [um],y (px),z,n\n1,2,3,4\n", |o| {
-        o.pixel_size = Some(160.0);
-        o.z_factor = 0.7;
-        o.set_units("nm").unwrap();
+        o.mapping.pixel_size = Some(160.0);
+        o.mapping.z_factor = 0.7;
+        o.mapping.set_units("nm").unwrap();
     })
     .unwrap();
     let units: Vec<_> = table
@@ -93,7 +96,10 @@ fn units() {
         units,
         [("nm", 1.0), ("nm", 160.0), ("nm", 0.7), ("unknown", 1.0)]
     );
-    let table = open("x,y [nm]\n1,2\n", |o| o.set_units("x=m, y=um").unwrap()).unwrap();
+    let table = open("x,y [nm]\n1,2\n", |o| {
+        o.mapping.set_units("x=m, y=um").unwrap()
+    })
+    .unwrap();
     let units: Vec<_> = table
         .plan
         .columns
@@ -106,8 +112,8 @@ fn units() {
 #[test]
 fn an_explicit_mapping_wins() {
     let table = open("frame,x [nm],b,c\n1,2,3,4\n", |o| {
-        o.set_columns("b=y [um], c=-, x [nm]=z").unwrap();
-        o.frame_base = Some(0);
+        o.mapping.set_columns("b=y [um], c=-, x [nm]=z").unwrap();
+        o.mapping.frame_base = Some(0);
     })
     .unwrap();
     assert_eq!(
@@ -119,12 +125,15 @@ fn an_explicit_mapping_wins() {
         ]
     );
     assert_eq!(table.plan.columns[0].base, 0);
-    let table = open("1,2,3\n", |o| o.set_columns("-,x [nm],frame").unwrap()).unwrap();
+    let table = open("1,2,3\n", |o| {
+        o.mapping.set_columns("-,x [nm],frame").unwrap()
+    })
+    .unwrap();
     assert_eq!(
         columns(&table),
         [("x", "nm", Kind::F64), ("frame", "unknown", Kind::I32)]
     );
-    let table = open("x,y,error_x\n1,2,3\n", |o| o.swap_xy = true).unwrap();
+    let table = open("x,y,error_x\n1,2,3\n", |o| o.mapping.swap_xy = true).unwrap();
     let names: Vec<_> = columns(&table).into_iter().map(|c| c.0).collect();
     assert_eq!(names, ["y", "x", "error_y"]);
 }
@@ -132,13 +141,13 @@ fn an_explicit_mapping_wins() {
 #[test]
 fn a_mapping_of_absent_columns_is_refused() {
     for set in ["q=x", "x=a, q=y"] {
-        let failure = open("x,y\n1,2\n", |o| o.set_columns(set).unwrap())
+        let failure = open("x,y\n1,2\n", |o| o.mapping.set_columns(set).unwrap())
             .err()
             .unwrap();
         assert!(failure.to_string().contains("\"q\""), "{failure}");
     }
-    assert!(open("x,y\n1,2\n", |o| o.set_units("q=nm").unwrap()).is_err());
-    assert!(open("x,y\n1,2\n", |o| o.set_text("q")).is_err());
+    assert!(open("x,y\n1,2\n", |o| o.mapping.set_units("q=nm").unwrap()).is_err());
+    assert!(open("x,y\n1,2\n", |o| o.text = vec!["q".into()]).is_err());
 }
 
 #[test]
@@ -170,7 +179,7 @@ fn types_from_values() {
         columns(&table),
         [("id", "1", Kind::I32), ("x", "unknown", Kind::F64)]
     );
-    let table = open("id,x\n3000000000,1\n", |o| o.set_text("x")).unwrap();
+    let table = open("id,x\n3000000000,1\n", |o| o.text = vec!["x".into()]).unwrap();
     assert_eq!(
         columns(&table),
         [("id", "1", Kind::I64), ("x", "1", Kind::Text)]

@@ -1,16 +1,18 @@
 //! The reader as an operation.
 
 use crate::columns::{ColumnMut, TextMut};
-use crate::dialect::Flavour;
+use crate::flavours::Flavour;
+use crate::notes;
 use crate::options::{Delimiter, Options};
 use crate::piece;
 use crate::read::Stop;
 use crate::schema::{ColumnPlan, Kind, Plan as TablePlan};
 use crate::table::Table;
-use crate::units::UNKNOWN;
 use puncta_sdk::prelude::*;
 use puncta_sdk::serde_json::json;
 use puncta_sdk::{Committer, output};
+use puncta_shared_import::mapping::parts;
+use puncta_shared_import::MappingParams;
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
@@ -21,50 +23,55 @@ const EXAMPLE: &str = concat!(
     "2,1,2210.75,400.5,128.4,980,11.8\n",
     "3,2,1201.1,841,131.2,1433,9.7\n",
 );
+const SUFFIXES: &[&str] = &[
+    ".csv", ".tsv", ".txt", ".xls", ".xyz", ".trxyt", ".malk", ".2d", ".3d", ".2dlp", ".3dlp",
+];
+const FORMATS: &[&str] = &[
+    "ThunderSTORM csv",
+    "PYME text",
+    "vLUME text",
+    "Zeiss ELYRA text",
+    "SMLM challenge text",
+    "SMAP text",
+    "rapidSTORM text",
+    "N-STORM text",
+    "ONI Nanoimager text",
+    "Vutara text",
+    "VISP text",
+    "MALK text",
+    "DECODE csv text",
+    "Micro-Manager spots text",
+    "LEB text",
+    "MOSAIC text",
+    "TrackMate csv text",
+    "evalSPT text",
+    "trxyt text",
+    "Spot-On text",
+    "saspt text",
+    "pyMINFLUX text",
+    "csv",
+    "tsv",
+];
 /// How often the plan may change while a file is read, for each of its columns.
 const CHANGES: usize = 4;
 
 /// Reads a table of localisations from text with named columns.
 #[derive(Debug, Params)]
 pub struct ReadText {
-    /// Names of all columns in order, such as x,y,t (- leaves one out), or pairs such as Frame=t.
-    #[param(default = "")]
-    columns: String,
-    /// Units of columns, such as x=um, y=um, or one unit for all lengths that have none, such as nm.
-    #[param(default = "")]
-    units: String,
+    #[param(flatten)]
+    mapping: MappingParams,
+    /// Kind of file, where the file does not say it itself.
+    #[param(default = Flavour::Auto)]
+    dialect: Flavour,
     /// Columns that hold words even where they look like numbers, separated by commas.
     #[param(default = "")]
     text: String,
-    /// Camera pixel, for columns in px.
-    #[param(min = 0.001, max = 1e6, unit = "nm")]
-    pixel_size: Option<f64>,
-    /// Number of the first frame in the file.
-    #[param(default = FrameBase::Auto)]
-    frame_base: FrameBase,
-    /// Exchanges x and y, with their errors and widths.
-    #[param(default = false)]
-    swap_xy: bool,
-    /// Multiplies z and its error, for the mismatch of refractive indices.
-    #[param(default = 1.0, min = -1000.0, max = 1000.0, unit = "1")]
-    z_factor: f64,
     /// What stands between values.
     #[param(default = Separator::Auto)]
     delimiter: Separator,
     /// Lines to leave out at the start of the file.
     #[param(default = 0, max = 1e9)]
     skip_rows: u64,
-}
-
-/// Where frames start.
-#[derive(Choice, Clone, Copy, Debug, PartialEq, Eq)]
-pub enum FrameBase {
-    /// As the kind of file says: 1 for ThunderSTORM, otherwise 0.
-    Auto,
-    /// The first frame is 0.
-    Zero,
-    /// The first frame is 1.
-    One,
 }
 
 /// What stands between values.
@@ -100,23 +107,13 @@ impl Separator {
 
 impl ReadText {
     fn options(&self) -> Result<Options, Failure> {
-        let mut options = Options {
-            pixel_size: self.pixel_size,
-            frame_base: match self.frame_base {
-                FrameBase::Auto => None,
-                FrameBase::Zero => Some(0),
-                FrameBase::One => Some(1),
-            },
-            swap_xy: self.swap_xy,
-            z_factor: self.z_factor,
+        Ok(Options {
+            mapping: self.mapping.mapping()?,
+            dialect: self.dialect,
+            text: parts(&self.text),
             delimiter: self.delimiter.delimiter(),
             skip_rows: self.skip_rows,
-            ..Options::default()
-        };
-        options.set_columns(&self.columns)?;
-        options.set_units(&self.units)?;
-        options.set_text(&self.text);
-        Ok(options)
+        })
     }
 }
 
@@ -124,16 +121,16 @@ impl Operation for ReadText {
     const ID: &'static str = "puncta.text.read/1";
 
     fn info() -> Info {
-        Info::reader("Text tables", &[".csv", ".tsv", ".txt", ".xls"])
+        Info::reader("Text tables", SUFFIXES)
             .description(
-                "Reads localisations from text with named columns: ThunderSTORM csv, PYME text, \
-                 vLUME, ELYRA, SMAP csv, SMLM challenge, and any csv, tsv or blank-separated table.\n\
-                 Names and units come from the header (`x [nm]`, `x (um)`, `x_nm`); lengths become \
-                 nm and frames count from 0. A unit that the file does not say stays unknown until \
-                 it is said here. Columns without names open with a list of names. A row that \
-                 cannot be read is an error with its line; none is dropped.",
+                "Reads localisations and tracks from text: the tables of the field's programs, and \
+                 any csv, tsv or blank-separated table with or without names.\n\
+                 Names and units come from the header (`x [nm]`, `x (um)`, `x_nm`) and the kind of \
+                 file; lengths become nm and frames count from 0. A unit that nobody says stays \
+                 unknown until it is said here. A row that cannot be read is an error with its \
+                 line; none is dropped.",
             )
-            .formats(&[], &["ThunderSTORM csv", "PYME text", "vLUME text", "csv", "tsv"])
+            .formats(&[], FORMATS)
             .generic()
             .output(Ports::table("localisations").description("One row a line of the file."))
             .cite("10.1093/bioinformatics/btu202")
@@ -160,7 +157,7 @@ impl Operation for ReadText {
             format: format(&table),
             confidence: confidence(&table),
         });
-        plan.notes = notes(&table);
+        plan.notes = notes::notes(&table);
         Ok(plan)
     }
 
@@ -214,6 +211,9 @@ fn header(table: &Table) -> Header {
         let element = Element::from_name(plan.kind.name()).unwrap_or(Element::F64);
         let mut info = ColumnInfo::new(&plan.name, element, &plan.unit).source(&plan.source);
         info.role.clone_from(&plan.role);
+        if let Some(remedy) = &plan.remedy {
+            info.rest.insert("remedy".into(), remedy.clone().into());
+        }
         if !plan.description.is_empty() {
             info = info.description(&plan.description);
         }
@@ -227,6 +227,16 @@ fn header(table: &Table) -> Header {
     header
         .metadata
         .insert("format".into(), format(table).into());
+    if table.dialect.flavour.tracks() && table.has("track") {
+        header.shape = Some("tracks".into());
+    }
+    if !table.settings().is_empty() {
+        let settings = table.settings().iter();
+        let settings: Map = settings
+            .map(|(name, value)| (name.clone(), value.clone().into()))
+            .collect();
+        header.metadata.insert("settings".into(), settings.into());
+    }
     if !table.dialect.comments.is_empty() {
         header
             .metadata
@@ -238,62 +248,22 @@ fn header(table: &Table) -> Header {
 fn format(table: &Table) -> String {
     let tab = table.dialect.delimiter == Delimiter::Byte(b'\t');
     match table.dialect.flavour {
-        Flavour::Named if tab => "tsv".into(),
-        Flavour::Named => "csv".into(),
-        Flavour::ThunderStorm => "ThunderSTORM csv".into(),
+        Flavour::Auto if tab => "tsv".into(),
+        Flavour::Auto => "csv".into(),
+        Flavour::Thunderstorm => "ThunderSTORM csv".into(),
         other => format!("{} text", other.label()),
     }
 }
 
 fn confidence(table: &Table) -> f64 {
     match table.dialect.flavour {
-        Flavour::Named if table.has("x") && table.has("y") => 0.6,
-        Flavour::Named => 0.3,
+        // Below a half: it cannot be told.
+        _ if table.dialect.assumed => 0.4,
+        Flavour::Auto if table.dialect.nameless => 0.2,
+        Flavour::Auto if table.has("x") && table.has("y") => 0.6,
+        Flavour::Auto => 0.3,
         _ => 0.95,
     }
-}
-
-/// What the person should know about the columns.
-fn notes(table: &Table) -> Vec<String> {
-    let mut notes = Vec::new();
-    let file = &table.dialect.file;
-    if !(table.has("x") && table.has("y")) {
-        notes.push(format!(
-            "{file} has no columns x and y, so it is a table without positions; name them with \
-             columns, such as \"Position X=x, Position Y=y\"."
-        ));
-    }
-    let bare = |c: &&ColumnPlan| c.role.as_deref() == Some("position") && c.unit == UNKNOWN;
-    let bare: Vec<&str> = table
-        .plan
-        .columns
-        .iter()
-        .filter(bare)
-        .map(|c| c.name.as_str())
-        .collect();
-    if !bare.is_empty() {
-        let pixels = table
-            .plan
-            .columns
-            .iter()
-            .any(|c| c.description.contains("camera pixels"));
-        let remedy = if pixels {
-            "pixel_size"
-        } else {
-            "units, such as nm or um"
-        };
-        notes.push(format!(
-            "The unit of {} in {file} is unknown; give {remedy}.",
-            bare.join(", ")
-        ));
-    }
-    if table.plan.columns.iter().any(|c| c.base_guessed) {
-        let label = table.dialect.flavour.label();
-        notes.push(format!(
-            "Frames of {label} files count from 1; here they count from 0."
-        ));
-    }
-    notes
 }
 
 /// Commits memory a little ahead of the rows that are complete: a full machine is told in time, and

@@ -65,6 +65,8 @@ pub struct ColumnPlan {
     pub field: usize,
     /// Its unit, or `unknown`.
     pub unit: String,
+    /// How to say the unit, where it is unknown.
+    pub remedy: Option<String>,
     /// `position`, `error`, `time`, `group`, `probability:<channel>` or none.
     pub role: Option<String>,
     /// One line on it, with what was done to the file's values.

@@ -1,13 +1,18 @@
 //! Finding out how a text file is written, from its start.
 
-use crate::dialect::{Dialect, Flavour, flavour};
+use crate::decode;
+use crate::dialect::Dialect;
 use crate::encoding::{self, Encoding};
+use crate::flavours::{Flavour, recognise};
+use crate::headerless;
 use crate::number::{self, Number};
-use crate::options::{Columns, Delimiter, Options};
+use crate::options::{Delimiter, Options};
+use crate::rapidstorm;
 use crate::record::{self, Line};
 use crate::schema::Kind;
 use crate::wording::{count, quoted};
 use puncta_sdk::{Failure, FailureCode};
+use puncta_shared_import::Columns;
 
 /// How much of the start of a file is looked at.
 pub const HEAD: usize = 256 << 10;
@@ -131,22 +136,18 @@ impl<'a> Head<'a> {
     }
 
     fn dialect(&self) -> Result<Dialect, Failure> {
-        if self
-            .comments
-            .iter()
-            .any(|c| without_mark(c).starts_with(b"<localizations"))
-        {
-            let message = format!("{} is a rapidSTORM file", self.file);
-            return Err(Failure::new(FailureCode::NotMine, message));
-        }
         let Names {
             names,
             delimiter,
             is_data,
             from_hash,
-        } = self.names()?;
+        } = match self.rapidstorm()? {
+            Some(names) => names,
+            None => self.names()?,
+        };
         let (names, trailing) = self.without_trailing(names, delimiter, is_data);
-        let (names, listed) = self.listed(names, delimiter)?;
+        let nameless = names.is_empty();
+        let (mut names, listed) = self.listed(names, delimiter)?;
         if !listed {
             self.check_names(&names, delimiter)?;
         }
@@ -159,20 +160,43 @@ impl<'a> Head<'a> {
             .iter()
             .find_map(|c| Kind::list(c))
             .unwrap_or_default();
-        let flavour = if types.len() == names.len() {
-            Flavour::Typed
+        let named = self.flavour(&names, &comments, from_hash);
+        let (flavour, assumed) = if types.len() == names.len() {
+            (Flavour::Typed, false)
         } else {
             types.clear();
-            flavour(&names, &comments, from_hash)
+            match named {
+                Flavour::Auto | Flavour::Malk if nameless && !listed => {
+                    self.guess(named, delimiter)
+                }
+                named => (named, false),
+            }
+        };
+        let positions = match nameless && !listed {
+            true => flavour.positions(names.len(), self.file),
+            false => None,
+        };
+        let above = match flavour {
+            Flavour::Trackmate if !is_data => self.units_below(&mut names, delimiter),
+            _ => 0,
         };
         let data = if is_data {
             Some(&self.first)
         } else {
-            self.rest.first()
+            self.rest.get(above)
+        };
+        let (lateral_unit, pixel) = match flavour {
+            Flavour::Decode => decode::lateral(&comments),
+            _ => (None, None),
         };
         Ok(Dialect {
             file: self.file.to_owned(),
             flavour,
+            positions,
+            assumed,
+            nameless: nameless && !listed,
+            pixel,
+            lateral_unit,
             encoding: Encoding::Bytes,
             delimiter,
             point: self.point(delimiter, is_data),
@@ -185,6 +209,67 @@ impl<'a> Head<'a> {
             trailing,
             types,
         })
+    }
+
+    /// The kind by the person's word, or by names and comments.
+    fn flavour(&self, names: &[String], comments: &[String], from_hash: bool) -> Flavour {
+        let rapid = |c: &String| c.as_bytes().starts_with(rapidstorm::START);
+        match self.options.dialect {
+            _ if comments.iter().any(rapid) => Flavour::Rapidstorm,
+            Flavour::Auto => recognise(names, comments, from_hash),
+            said => said,
+        }
+    }
+
+    /// The kind of a table without names, and whether only its values say so.
+    fn guess(&self, named: Flavour, delimiter: Delimiter) -> (Flavour, bool) {
+        let number = |f: &record::Field<'_>| -> f64 {
+            let text = std::str::from_utf8(&f.text).ok();
+            text.and_then(|t| t.parse().ok()).unwrap_or(f64::NAN)
+        };
+        let row = |l: &Line<'_>| -> Vec<f64> {
+            record::split(l.text, delimiter)
+                .iter()
+                .map(number)
+                .collect()
+        };
+        let lines = std::iter::once(&self.first).chain(&self.rest);
+        let rows: Vec<Vec<f64>> = lines.map(row).collect();
+        let found = headerless::guess(named, self.file, &rows);
+        (found.flavour, found.assumed)
+    }
+
+    /// The names in the XML line of rapidSTORM.
+    fn rapidstorm(&self) -> Result<Option<Names>, Failure> {
+        let mut lines = self.comments.iter().map(|c| without_mark(c));
+        let Some(line) = lines.find(|c| c.starts_with(rapidstorm::START)) else {
+            return Ok(None);
+        };
+        Ok(Some(Names {
+            names: rapidstorm::fields(line, self.file)?.names(),
+            delimiter: Delimiter::Blanks,
+            is_data: true,
+            from_hash: false,
+        }))
+    }
+
+    /// Takes units such as `(micron)` from the lines below the names; how many lines there are.
+    fn units_below(&self, names: &mut [String], delimiter: Delimiter) -> usize {
+        let words = |l: &&Line<'_>| !has_number(l, delimiter);
+        let above: Vec<&Line<'_>> = self.rest.iter().take(3).take_while(words).collect();
+        for line in &above {
+            for (name, field) in names.iter_mut().zip(record::split(line.text, delimiter)) {
+                let text = encoding::text(&field.text);
+                let unit = text
+                    .trim()
+                    .strip_prefix('(')
+                    .and_then(|t| t.strip_suffix(')'));
+                if let Some(unit) = unit.filter(|_| !name.ends_with(']')) {
+                    name.push_str(&format!(" [{unit}]"));
+                }
+            }
+        }
+        above.len()
     }
 
     /// The names in the header, or in the last comment; none where there are none.
@@ -325,7 +410,7 @@ impl<'a> Head<'a> {
         } else {
             names.len()
         };
-        match &self.options.columns {
+        match &self.options.mapping.columns {
             Columns::List(list) if list.len() == fields => Ok((list.clone(), true)),
             Columns::List(list) => {
                 let message = format!(
@@ -342,12 +427,8 @@ impl<'a> Head<'a> {
                     .remedy("give one name for each column in order, and - to leave one out"))
             }
             _ if names.is_empty() => {
-                let what = count(fields, "column");
-                Err(
-                    Failure::bad_file(format!("{} has {what} without names", self.file))
-                        .row(self.first.number)
-                        .remedy("name all columns in order, such as columns = \"x,y,t\""),
-                )
+                let names = (1..=fields).map(|k| format!("column_{k}")).collect();
+                Ok((names, false))
             }
             _ => Ok((names, false)),
         }

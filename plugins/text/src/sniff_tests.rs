@@ -67,7 +67,7 @@ fn headers() {
 #[test]
 fn flavours() {
     for (text, flavour) in [
-        ("id,frame,x [nm],y [nm]\n1,1,2,3\n", Flavour::ThunderStorm),
+        ("id,frame,x [nm],y [nm]\n1,1,2,3\n", Flavour::Thunderstorm),
         ("#x\ty\tsig\n1\t2\t3\n", Flavour::Pyme),
         (
             "#LUME VERSION, 0.54\r\n#2 points\r\nframe,x,y\r\n1,2,3\r\n",
@@ -86,7 +86,7 @@ fn flavours() {
             "#puncta.text/1 types=f64,i32\nx [nm],n [1]\n1.0,2\n",
             Flavour::Typed,
         ),
-        ("x,y,t\n1,2,3\n", Flavour::Named),
+        ("x,y,t\n1,2,3\n", Flavour::Auto),
     ] {
         assert_eq!(sniffed(text).flavour, flavour, "{text:?}");
     }
@@ -121,7 +121,7 @@ fn decimal_commas() {
 #[test]
 fn a_list_of_names() {
     let mut options = Options::default();
-    options.set_columns("x,y,t").unwrap();
+    options.mapping.set_columns("x,y,t").unwrap();
     let d = sniff_with(b"1.5,2,3\n4,5,6\n", "f.csv", &options).unwrap();
     assert_eq!(
         (names(&d), d.data_start, d.listed),
@@ -142,7 +142,6 @@ fn what_is_refused() {
         (&b""[..], "is empty"),
         (b"\n \n", "blank lines"),
         (b"# a\n# b\n", "comments"),
-        (b"1,2\n3,4\n", "2 columns without names"),
         (b"x,y,x\n1,2,3\n", "columns 1 and 3 \"x\""),
         (b"\x89HDF\r\n\x1a\n\0\0\0\0", "no text table"),
         (b"PK\x03\x04", "no text table"),
@@ -152,7 +151,7 @@ fn what_is_refused() {
         ),
         (
             b"# <localizations insequence=\"true\">\n1 2 3\n",
-            "rapidSTORM",
+            "names 0 fields",
         ),
     ] {
         let sentence = refused(text);

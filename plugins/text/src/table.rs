@@ -1,14 +1,18 @@
 //! A file opened as a table: its dialect and the plan of its columns.
 
 use crate::columns::ColumnMut;
-use crate::dialect::{Dialect, Flavour};
+use crate::dialect::Dialect;
 use crate::encoding::{self, Encoding, FileSource, Source};
+use crate::flavours::Flavour;
+use crate::footer;
 use crate::mapping;
 use crate::options::Options;
+use crate::rapidstorm;
 use crate::read::{self, Commit, Input, Stop};
 use crate::sample;
 use crate::schema::Plan;
 use crate::sniff::{self, HEAD};
+use crate::tagged;
 use puncta_sdk::run::Run;
 use puncta_sdk::{Failure, FailureCode};
 use std::path::Path;
@@ -17,6 +21,8 @@ use std::path::Path;
 pub struct Table {
     source: Box<dyn Source>,
     end: u64,
+    held: u64,
+    settings: Vec<(String, String)>,
     /// How the file is written.
     pub dialect: Dialect,
     /// The columns that reading will give.
@@ -44,6 +50,14 @@ impl Table {
         options: &Options,
     ) -> Result<Table, Failure> {
         let head = bytes(source.as_ref(), 0, HEAD, name)?;
+        if let Some(flat) = flattened(source.as_ref(), &head, name)? {
+            let held = flat.len() as u64;
+            let head = flat.get(..HEAD).unwrap_or(&flat);
+            let dialect = sniff::sniff_with(head, name, options)?;
+            let mut table = Table::planned(Box::new(flat), dialect, options)?;
+            table.held = held;
+            return Ok(table);
+        }
         let dialect = sniff::sniff_with(&head, name, options)?;
         if dialect.encoding != Encoding::Bytes {
             // Transcoded as a whole: such files are small exports, and pieces of one start anywhere.
@@ -55,7 +69,10 @@ impl Table {
                 encoding: dialect.encoding,
                 ..dialect
             };
-            return Table::planned(Box::new(text), dialect, options);
+            let held = 2 * text.len() as u64;
+            let mut table = Table::planned(Box::new(text), dialect, options)?;
+            table.held = held;
+            return Ok(table);
         }
         Table::planned(source, dialect, options)
     }
@@ -66,8 +83,10 @@ impl Table {
         options: &Options,
     ) -> Result<Table, Failure> {
         let mut end = source.len();
+        let mut settings = Vec::new();
         if dialect.flavour == Flavour::Elyra {
-            end = settings_start(source.as_ref(), &dialect)?;
+            end = footer::start(source.as_ref(), &dialect)?;
+            settings = footer::settings(&bytes(source.as_ref(), end, footer::MOST, &dialect.file)?);
         }
         let start = dialect.data_start.min(end);
         let dialect = Dialect {
@@ -85,6 +104,8 @@ impl Table {
         Ok(Table {
             source,
             end,
+            held: 0,
+            settings,
             dialect,
             plan,
         })
@@ -97,11 +118,12 @@ impl Table {
 
     /// Bytes of the file that are held in memory as a whole.
     pub fn copied_bytes(&self) -> u64 {
-        if self.dialect.encoding == Encoding::Bytes {
-            0
-        } else {
-            2 * self.source.len()
-        }
+        self.held
+    }
+
+    /// Settings of the microscope that stand behind the table.
+    pub fn settings(&self) -> &[(String, String)] {
+        &self.settings
     }
 
     /// No column of words has more bytes of UTF-8.
@@ -127,7 +149,12 @@ impl Table {
     }
 }
 
-fn bytes(source: &dyn Source, at: u64, count: usize, name: &str) -> Result<Vec<u8>, Failure> {
+pub(crate) fn bytes(
+    source: &dyn Source,
+    at: u64,
+    count: usize,
+    name: &str,
+) -> Result<Vec<u8>, Failure> {
     let left = usize::try_from(source.len().saturating_sub(at)).unwrap_or(usize::MAX);
     let mut bytes = vec![0; count.min(left)];
     let got = source
@@ -137,18 +164,22 @@ fn bytes(source: &dyn Source, at: u64, count: usize, name: &str) -> Result<Vec<u
     Ok(bytes)
 }
 
-/// Where the image settings behind an ELYRA table start: a line with a NUL.
-fn settings_start(source: &dyn Source, dialect: &Dialect) -> Result<u64, Failure> {
-    let mut at = dialect.data_start;
-    while at < source.len() {
-        let piece = bytes(source, at, crate::piece::SIZE, &dialect.file)?;
-        if let Some(i) = memchr::memchr(0, &piece) {
-            return Ok(at + i as u64);
-        }
-        if piece.is_empty() {
-            break;
-        }
-        at += piece.len() as u64;
+/// The bytes of a file whose rows are no plain table, as one; `None` for all other files. Such
+/// files are held in memory as a whole.
+fn flattened(source: &dyn Source, head: &[u8], name: &str) -> Result<Option<Vec<u8>>, Failure> {
+    let len = usize::try_from(source.len()).unwrap_or(usize::MAX);
+    if tagged::is_tagged(head) {
+        return tagged::plain(&bytes(source, 0, len, name)?, name).map(Some);
     }
-    Ok(source.len())
+    let first = head.split(|b| *b == b'\n').next().unwrap_or(&[]);
+    let line = first.strip_prefix(b"#").unwrap_or(first).trim_ascii();
+    if !line.starts_with(rapidstorm::START) {
+        return Ok(None);
+    }
+    let fields = rapidstorm::fields(line, name)?;
+    if fields.inner.is_none() {
+        return Ok(None);
+    }
+    let rows = rapidstorm::flat(&bytes(source, 0, len, name)?, &fields, name)?;
+    Ok(Some([first, b"\n", &rows].concat()))
 }

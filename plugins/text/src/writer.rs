@@ -1,15 +1,14 @@
 //! The writer as an operation.
 
-use crate::names;
 use crate::options::Delimiter;
 use crate::reader::Separator;
 use crate::schema::TYPES;
-use crate::units::UNKNOWN;
 use crate::write::{self, Column};
 use puncta_sdk::documents::call::Read;
 use puncta_sdk::input::ColumnRef;
 use puncta_sdk::prelude::*;
 use puncta_sdk::serde_json::json;
+use puncta_shared_import::{UNKNOWN, names};
 use std::path::Path;
 
 /// Writes a table as text.

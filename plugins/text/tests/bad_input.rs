@@ -60,10 +60,6 @@ fn sentences_name_file_row_and_column() {
             "f.csv calls both columns 1 and 2 \"x\"; name all columns in order, such as columns = \"x,y,t\"",
         ),
         (
-            "1,2\n3,4\n",
-            "f.csv has 2 columns without names (row 1); name all columns in order, such as columns = \"x,y,t\"",
-        ),
-        (
             "x,n\n1,\"a\n2,b\n",
             "f.csv opens a quote that is never closed (row 2); close the quote, or remove it",
         ),
