@@ -11,6 +11,7 @@ fn bundle() -> &'static Bundle {
     static BUNDLE: OnceLock<Bundle> = OnceLock::new();
     BUNDLE.get_or_init(|| {
         Bundle::of(&[
+            "puncta_plugin_arrow_io",
             "puncta_plugin_filter",
             "puncta_plugin_hdf5",
             "puncta_plugin_image_io",

@@ -9,6 +9,7 @@
 //! The kit stands in for the host's tables `data/1` and `job/1`: it gives plain columns, takes
 //! outputs, can cancel after a number of polls, and runs on any number of threads.
 
+pub mod damage;
 mod host;
 mod memory;
 mod object;

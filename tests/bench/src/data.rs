@@ -9,6 +9,7 @@ use std::path::PathBuf;
 /// The product's plugins and the test plugin.
 pub fn bundle() -> Bundle {
     Bundle::of(&[
+        "puncta_plugin_arrow_io",
         "puncta_plugin_chaining",
         "puncta_plugin_cluster",
         "puncta_plugin_drift",
