@@ -11,8 +11,8 @@ use crate::table::Table;
 use puncta_sdk::prelude::*;
 use puncta_sdk::serde_json::json;
 use puncta_sdk::{Committer, output};
-use puncta_shared_import::mapping::parts;
 use puncta_shared_import::MappingParams;
+use puncta_shared_import::mapping::parts;
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 

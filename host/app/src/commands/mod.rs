@@ -7,9 +7,9 @@ mod info;
 mod op;
 mod ops;
 mod plugins;
+mod project;
 mod recipe;
 mod replay;
-mod project;
 mod run;
 
 pub use check::one as check_one;

@@ -276,12 +276,6 @@ impl Engine {
         Ok(library)
     }
 
-    /// What it was made with.
-    #[must_use]
-    pub fn options(&self) -> &Options {
-        &self.options
-    }
-
     /// The settings, as they were when the engine was opened.
     #[must_use]
     pub fn settings(&self) -> &Settings {
