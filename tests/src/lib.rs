@@ -131,6 +131,8 @@ impl Bundle {
         command
             .env("PUNCTA_CONFIG", self.config())
             .env("PUNCTA_CACHE", build_folder().join("puncta-test-cache"))
+            // Tests compute.
+            .env("PUNCTA_RESULTS", "0")
             .env_remove("PUNCTA_STATE")
             .env_remove("PUNCTA_PLUGIN_PATH");
         command
@@ -158,6 +160,8 @@ impl Bundle {
             isolation: Isolation::ByPlugin,
             memory: 8 << 30,
             worker_memory: 4 << 30,
+            // Tests compute.
+            results: 0,
         }
     }
 

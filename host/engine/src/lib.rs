@@ -1,6 +1,7 @@
 //! Puncta's engine: store, recipe graph, loader, worker, jobs. No window, no algorithm, no format.
 
 pub mod batch;
+pub mod cache;
 pub mod date;
 pub mod engine;
 pub mod files;

@@ -6,6 +6,7 @@ use crate::plugins::catalogue::Installed;
 use crate::plugins::context::Resources;
 use crate::plugins::library;
 use crate::plugins::{Finished, JobContext};
+use crate::recipe::Key;
 use crate::room::{Room, needed};
 use crate::store::{Object, Selection, Stored};
 use crate::worker;
@@ -14,6 +15,7 @@ use puncta_documents::{
     schema,
 };
 use std::sync::Arc;
+use std::time::Instant;
 
 /// What to call, with what.
 #[derive(Clone, Debug, Default)]
@@ -162,6 +164,50 @@ impl Engine {
         Ok(())
     }
 
+    fn planned(
+        &self,
+        invocation: &Invocation,
+        progress: &Arc<dyn Progress>,
+    ) -> Result<PreparedCall, Failure> {
+        let prepared = self.prepare(invocation, progress)?;
+        for note in &prepared.plan().notes {
+            progress.message(2, note);
+        }
+        Ok(prepared)
+    }
+
+    /// The outputs of a call that were kept on disk.
+    pub(super) fn recall(
+        &self,
+        invocation: &Invocation,
+        key: &Key,
+    ) -> Option<Vec<(String, Object)>> {
+        let finished = self.results.get(key)?;
+        let (_, operation) = self.operation(&invocation.operation).ok()?;
+        let (parameters, inputs) = (&invocation.parameters, &invocation.inputs);
+        let (bound, _) = check::inputs(operation, parameters, inputs, &self.pool).ok()?;
+        let inputs: Vec<Object> = bound.into_iter().map(|(_, object)| object).collect();
+        let assembled = self.pool.install(|| {
+            let all = finished.into_iter().map(|one| assemble(one, &inputs));
+            all.collect::<Result<_, Failure>>()
+        });
+        Some(with_tables(assembled.ok()?))
+    }
+
+    /// Runs a call whose outputs are kept on disk if that is worth it.
+    pub(super) fn call_kept(
+        &self,
+        invocation: &Invocation,
+        key: &Key,
+        progress: &Arc<dyn Progress>,
+    ) -> Result<Vec<(String, Object)>, Failure> {
+        let mut prepared = self.planned(invocation, progress)?;
+        let begun = Instant::now();
+        let finished = prepared.finish(progress)?;
+        self.results.put(key, &finished, begun.elapsed());
+        prepared.assembled(finished)
+    }
+
     /// Checks, plans and runs a call.
     ///
     /// # Errors
@@ -171,10 +217,7 @@ impl Engine {
         invocation: &Invocation,
         progress: &Arc<dyn Progress>,
     ) -> Result<Called, Failure> {
-        let mut prepared = self.prepare(invocation, progress)?;
-        for note in &prepared.plan().notes {
-            progress.message(2, note);
-        }
+        let mut prepared = self.planned(invocation, progress)?;
         let outputs = prepared.run(progress)?;
         let PreparedCall {
             parameters,
@@ -222,14 +265,21 @@ impl PreparedCall {
     /// # Errors
     /// What the plugin fails with.
     pub fn run(&mut self, progress: &Arc<dyn Progress>) -> Result<Vec<(String, Object)>, Failure> {
+        let finished = self.finish(progress)?;
+        self.assembled(finished)
+    }
+
+    fn finish(&mut self, progress: &Arc<dyn Progress>) -> Result<Vec<Finished>, Failure> {
         if progress.cancelled() {
             return Err(Failure::cancelled());
         }
         let room = Arc::clone(&self.room);
         let _share = room.take(needed(self.plan()), &**progress)?;
-        let finished = self
-            .finished(progress)
-            .map_err(|failure| blame(failure, &self.plugin, &self.operation))?;
+        self.finished(progress)
+            .map_err(|failure| blame(failure, &self.plugin, &self.operation))
+    }
+
+    fn assembled(&self, finished: Vec<Finished>) -> Result<Vec<(String, Object)>, Failure> {
         let (inputs, id) = (&self.inputs, &self.operation);
         let assembled = finished.into_iter().map(|one| {
             // Only selections have work for the pool, and waking it takes longer than the rest.

@@ -17,6 +17,7 @@ pub use read::ReadFile;
 pub use recipe::{SourceFile, Steps, lineage};
 pub use write::Written;
 
+use crate::cache::ResultCache;
 use crate::plugins::catalogue::{Catalogue, Describer, Folder, Installed};
 use crate::plugins::context::Resources;
 use crate::plugins::crashes::Crashes;
@@ -59,6 +60,8 @@ pub struct Options {
     pub config: Option<PathBuf>,
     /// Folder for what is remembered of sessions that ended inside a plugin.
     pub state: Option<PathBuf>,
+    /// Bytes of results that are kept in the cache folder for later sessions; 0 keeps none.
+    pub results: u64,
     /// Program that serves as worker when it is called with `worker`.
     pub program: PathBuf,
     /// Threads for calls; 0 means as many as the machine has.
@@ -109,8 +112,18 @@ impl Options {
             threads: 0,
             isolation: Isolation::ByPlugin,
             memory: installed,
+            results: kept_results(),
         }
     }
+}
+
+/// Bytes of kept results: gigabytes of `$PUNCTA_RESULTS`, or 8.
+fn kept_results() -> u64 {
+    let given = std::env::var("PUNCTA_RESULTS").ok();
+    let gigabytes = given.and_then(|text| text.trim().parse::<f64>().ok());
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    let bytes = (gigabytes.unwrap_or(8.0) * f64::from(1 << 30)) as u64;
+    bytes
 }
 
 /// Installed plugins, and what is needed to call them.
@@ -126,6 +139,7 @@ pub struct Engine {
     pool: Arc<rayon::ThreadPool>,
     segments: Arc<SegmentPool>,
     room: Arc<Room>,
+    results: ResultCache,
     workers: Arc<worker::Pool>,
     libraries: Mutex<HashMap<PathBuf, Arc<Library>>>,
     copies: Mutex<HashMap<PathBuf, PathBuf>>,
@@ -172,6 +186,7 @@ impl Engine {
             pool: Arc::new(pool),
             segments: Arc::new(SegmentPool::new(KEPT_BYTES)),
             room: Arc::new(Room::new(options.memory)),
+            results: ResultCache::new(options.cache.join("results"), options.results),
             options,
             libraries: Mutex::default(),
             copies: Mutex::default(),

@@ -72,14 +72,14 @@ impl Runner for Steps {
         call: &Call<'_, Object>,
         job: &dyn Progress,
     ) -> Result<Vec<(String, Object)>, Failure> {
-        let own = |(port, object): &(&str, Object)| ((*port).to_owned(), object.clone());
-        let invocation = Invocation {
-            operation: call.operation.id.clone(),
-            parameters: call.parameters.clone(),
-            inputs: call.inputs.iter().map(own).collect(),
-            file: None,
-        };
-        watched(job, |progress| self.0.call(&invocation, progress)).map(|called| called.outputs)
+        let invocation = invocation(call);
+        watched(job, |progress| {
+            self.0.call_kept(&invocation, &call.key, progress)
+        })
+    }
+
+    fn recall(&self, call: &Call<'_, Object>) -> Option<Vec<(String, Object)>> {
+        self.0.recall(&invocation(call), &call.key)
     }
 
     fn convert(
@@ -98,6 +98,16 @@ impl Runner for Steps {
             object = self.0.pool().install(convert)?;
         }
         Ok(object)
+    }
+}
+
+fn invocation(call: &Call<'_, Object>) -> Invocation {
+    let own = |(port, object): &(&str, Object)| ((*port).to_owned(), object.clone());
+    Invocation {
+        operation: call.operation.id.clone(),
+        parameters: call.parameters.clone(),
+        inputs: call.inputs.iter().map(own).collect(),
+        file: None,
     }
 }
 

@@ -57,6 +57,11 @@ pub trait Runner: Sync {
     /// Memory that comes free when the object is dropped.
     fn bytes(object: &Self::Object) -> u64;
 
+    /// The result of a call that was kept outside this session.
+    fn recall(&self, _call: &Call<'_, Self::Object>) -> Option<Vec<(String, Self::Object)>> {
+        None
+    }
+
     /// Calls an operation. The result has an object for each output port; several for those with
     /// `many`, none or one for those with `optional`.
     ///

@@ -15,7 +15,7 @@ use std::sync::Arc;
 /// How a step was done.
 pub(crate) struct Performed<O> {
     pub outcome: Outcome<O>,
-    /// Whether it ran here, and not elsewhere or before.
+    /// Whether it ran here and now, and not elsewhere or before.
     pub here: bool,
 }
 
@@ -49,11 +49,12 @@ impl<R: Runner> Run<'_, R> {
                     }
                 }
                 Ok(Turn::Here(flight)) => {
-                    let outcome = self.guarded(step, *key, &flight);
+                    let mut recalled = false;
+                    let outcome = self.guarded(step, *key, &flight, &mut recalled);
                     self.land(*key, &flight, &outcome);
                     return Performed {
                         outcome,
-                        here: true,
+                        here: !recalled,
                     };
                 }
             }
@@ -113,6 +114,7 @@ impl<R: Runner> Run<'_, R> {
         step: &CheckedStep,
         key: Key,
         flight: &Flight<R::Object>,
+        recalled: &mut bool,
     ) -> Outcome<R::Object> {
         let job = Reporter {
             flight,
@@ -122,7 +124,7 @@ impl<R: Runner> Run<'_, R> {
         };
         let work = || {
             self.watch.started(&step.name);
-            self.compute(step, key, &job)
+            self.compute(step, key, &job, recalled)
         };
         match catch_unwind(AssertUnwindSafe(work)) {
             Ok(Ok((outputs, record))) => Outcome::Done(Arc::new(outputs), Arc::new(record)),
@@ -141,6 +143,7 @@ impl<R: Runner> Run<'_, R> {
         step: &CheckedStep,
         key: Key,
         job: &dyn Progress,
+        recalled: &mut bool,
     ) -> Result<(Outputs<R::Object>, Record), Failure> {
         let missing = || Failure::internal(format!("{} has no operation", step.name));
         let operation = step.operation.as_deref().ok_or_else(missing)?;
@@ -162,7 +165,12 @@ impl<R: Runner> Run<'_, R> {
             inputs: &objects,
             key,
         };
-        let outputs = self.session.runner.call(&call, job)?;
+        let kept = self.session.runner.recall(&call);
+        *recalled = kept.is_some();
+        let outputs = match kept {
+            Some(outputs) => outputs,
+            None => self.session.runner.call(&call, job)?,
+        };
         check_outputs::<R>(operation, &step.plugin.id, &outputs)?;
         let record = Record {
             operation: step.op.clone(),

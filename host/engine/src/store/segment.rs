@@ -97,6 +97,22 @@ impl Segment {
         Ok(Segment::with(mapping, false, Weak::new()))
     }
 
+    /// A sealed segment that `fill` writes.
+    ///
+    /// # Errors
+    /// When there is no memory for it, or `fill` fails.
+    pub fn filled(
+        bytes: u64,
+        fill: impl FnOnce(&mut [u8]) -> Result<(), Failure>,
+    ) -> Result<Arc<Segment>, Failure> {
+        let segment = Segment::create(bytes)?;
+        segment.check_room(bytes)?;
+        segment.commit(0..bytes)?;
+        // SAFETY: a fresh segment with room for the bytes, and nothing else uses it.
+        fill(unsafe { super::region::writable(segment.base(), 0, bytes as usize) })?;
+        segment.seal(bytes)
+    }
+
     /// As [`Segment::create`], with memory of the pool where it has any that fits: it then holds
     /// what was in it before.
     ///

@@ -10,6 +10,10 @@ mod output;
 mod pool;
 mod process;
 mod protocol;
+/// Objects and the memory that they lie in, as documents.
+pub(crate) mod wire {
+    pub use super::protocol::{Sent, WireFinished};
+}
 mod serve;
 mod socket;
 
