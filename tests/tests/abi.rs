@@ -2,6 +2,9 @@
 //! that refuses a plugin with one member changed.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+#[path = "../../xtask/src/layout.rs"]
+mod layout;
+
 use puncta_abi::LAYOUTS;
 use std::collections::HashMap;
 use std::fmt::Write as _;
@@ -138,6 +141,21 @@ fn header_and_layout_are_committed() {
         history.contains(&row),
         "docs/abi.md has no row for the ABI number"
     );
+}
+
+/// A layout that keeps its number only gains tables: plugins that were built before still fit.
+#[test]
+fn the_layout_of_a_number_only_grows() {
+    let number = puncta_abi::ABI_NUMBER;
+    let fossil = puncta_tests::root().join(format!("tests/fossils/v0_{number}/layout.txt"));
+    let fossil = std::fs::read_to_string(fossil).expect("each number has a fossil");
+    let (then, now) = (
+        layout::Layout::read(&fossil),
+        layout::Layout::read(&layout()),
+    );
+    assert_eq!((then.number, now.number), (number, number));
+    let found = layout::difference(&then, &now);
+    assert!(found.broken.is_empty(), "{}", found.broken.join("\n"));
 }
 
 /// The compilers' view of every offset is Rust's.

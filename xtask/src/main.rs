@@ -6,6 +6,7 @@ mod bench;
 mod build;
 mod demo;
 mod files;
+mod layout;
 mod package;
 mod process;
 mod sdk;
@@ -26,7 +27,8 @@ Commands:
   build [--release]       lay the movable bundle in target/puncta
   bench [--compare ...]   build in release mode and run the benchmarks; arguments are passed on
   package                 a release bundle as target/package/puncta-VERSION-PLATFORM.tar.gz
-  abi                     rewrite the snapshot of the plugin ABI and its C header, and show the difference
+  sdk DIR                 lay the SDK of plugin authors alone
+  abi                     rewrite the snapshot of the plugin ABI and its C header, and say what changed
 
 The bundle needs CMake 3.26 or newer; where there is none, one is installed under target/tools with pip.
 ";
@@ -50,6 +52,7 @@ fn main() -> ExitCode {
         "bench" => bench::run(rest),
         "package" => package::run(rest),
         "abi" => abi::run(rest),
+        "sdk" => sdk::run(rest),
         "help" | "--help" | "-h" => {
             say(HELP.trim_end());
             Ok(())

@@ -6,6 +6,7 @@ use std::path::Path;
 use anyhow::{Context, Result};
 use toml::{Table, Value};
 
+use crate::args::Usage;
 use crate::files;
 use crate::workspace::Workspace;
 
@@ -13,6 +14,13 @@ use crate::workspace::Workspace;
 const PACKAGES: &str = "plugin-api";
 /// What packages inherit from the workspace.
 const INHERITED: &str = "workspace";
+
+pub fn run(words: &[String]) -> Result<()> {
+    let [folder] = words else {
+        return Err(Usage::error("'sdk' takes a folder".into()));
+    };
+    lay(&Workspace::load()?, Path::new(folder))
+}
 
 pub fn lay(workspace: &Workspace, to: &Path) -> Result<()> {
     let root = read(&workspace.root.join("Cargo.toml"))?;

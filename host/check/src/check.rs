@@ -126,7 +126,7 @@ checks! {
         "A port that takes a column's name from a parameter names a column parameter that there is.";
     FileRules "file-rules" 1 [Describe]
         "Readers and writers name their suffixes in lower case with the dot, and first bytes as hexadecimal digits.";
-    Examples "examples" 1 [Describe]
+    Examples "examples" 1 [Defaults]
         "Every operation declares an example with parameters that it allows and inputs that it has.";
     GetUnknown "get-unknown" 2 [Create]
         "A table that the plugin does not have, and a name that only begins like one, is answered with null.";
@@ -152,7 +152,7 @@ checks! {
         "Progress is reported as a fraction between 0 and 1.";
     UnknownOperation "unknown-operation" 3 [Create]
         "An operation that the plugin does not have is refused.";
-    FutureRequest "future-request" 2 [Plans]
+    FutureRequest "future-request" 2 [ExampleRuns]
         "A request with members of a later version is planned like one without.";
     AtLimits "at-limits" 4 [ExampleRuns]
         "Each parameter at its least and greatest value and each choice works or is refused with a reason.";

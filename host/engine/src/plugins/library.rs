@@ -3,7 +3,7 @@
 
 use super::context::JobContext;
 use super::sentinel::{Label, Marker};
-use super::tables::{Entry, HOST};
+use super::tables::{Entry, HOST, gives};
 use puncta_abi::{self as abi, Str};
 use puncta_documents::call::{PLAN, REQUEST};
 use puncta_documents::manifest::PLUGIN;
@@ -79,6 +79,12 @@ impl Library {
             return Err(broken(path, "has tables of another size than this host's"));
         }
         let manifest = describe(path, plugin)?;
+        if let Some(need) = manifest.needs.iter().find(|need| !gives(need)) {
+            let shown = path.display();
+            let message = format!("{shown} needs {need}, which this host does not have");
+            let failure = Failure::new(FailureCode::Unsupported, message);
+            return Err(failure.remedy("update Puncta, or use an earlier version of the plugin"));
+        }
         let instance = create(path, plugin)?;
         // SAFETY: `get` gives a table that starts with its size, valid until the process ends.
         let call = unsafe {

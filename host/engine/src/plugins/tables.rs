@@ -79,6 +79,12 @@ static JOB: Job1 = Job1 {
     parallel_for: Some(parallel_for),
 };
 
+/// Whether this host has a table.
+pub(super) fn gives(id: &str) -> bool {
+    // SAFETY: the text outlives the call.
+    !unsafe { get(Str::new(id)) }.is_null()
+}
+
 unsafe extern "C" fn get(id: Str) -> *const c_void {
     // SAFETY: the plugin's text outlives the call.
     match unsafe { id.as_str() } {
