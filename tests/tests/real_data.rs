@@ -250,3 +250,39 @@ fn pyme_fit_results() {
     let compared = compare("h5r.json", &["puncta_plugin_hdf5"], &no_options);
     all_compared("h5r.json", compared, 1);
 }
+
+#[test]
+fn matlab() {
+    let compared = compare("matlab.json", &["puncta_plugin_matlab"], &no_options);
+    all_compared("matlab.json", compared, 3);
+}
+
+#[test]
+fn minflux() {
+    let compared = compare("minflux.json", &["puncta_plugin_minflux"], &no_options);
+    all_compared("minflux.json", compared, 4);
+}
+
+#[test]
+fn smlm() {
+    let compared = compare("smlm.json", &["puncta_plugin_smlm"], &no_options);
+    all_compared("smlm.json", compared, 1);
+}
+
+#[test]
+fn asdf() {
+    let compared = compare("asdf.json", &["puncta_plugin_asdf"], &no_options);
+    all_compared("asdf.json", compared, 4);
+}
+
+#[test]
+fn insight3() {
+    let compared = compare("insight3.json", &["puncta_plugin_insight3"], &no_options);
+    all_compared("insight3.json", compared, 2);
+}
+
+#[test]
+fn trackmate() {
+    let compared = compare("trackmate.json", &["puncta_plugin_trackmate"], &no_options);
+    all_compared("trackmate.json", compared, 2);
+}
