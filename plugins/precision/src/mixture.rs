@@ -4,6 +4,9 @@
 //!
 //! p(d) = A1 d / (2 s^2) exp(-d^2 / 4 s^2) + A2 N(d; c, w) + A3 d
 //!
+//! in the plane; along one axis the first and the last term are exp(-d^2 / 4 s^2) / (s sqrt(pi)) and 1,
+//! in space d^2 exp(-d^2 / 4 s^2) / (2 sqrt(pi) s^3) and d^2.
+//!
 //! The first term are two localisations of one molecule with precision s along each axis, the second
 //! neighbouring molecules at a preferred distance, the third molecules at random places.
 
@@ -19,6 +22,8 @@ const CALLS: usize = 1500;
 /// Counts of distances in bins of equal width from 0.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Histogram {
+    /// Number of axes in which they are distances: 1, 2 or 3.
+    pub axes: u8,
     /// Width of a bin, nm.
     pub width: f64,
     /// Counts.
@@ -28,7 +33,7 @@ pub struct Histogram {
 impl Histogram {
     /// Counts sorted distances up to `reach` in bins of `width`.
     #[must_use]
-    pub fn new(sorted: &[f64], width: f64, reach: f64) -> Histogram {
+    pub fn new(axes: u8, sorted: &[f64], width: f64, reach: f64) -> Histogram {
         let bins = (reach / width).round().max(1.0) as usize;
         let mut counts = vec![0.0; bins];
         for distance in sorted {
@@ -37,7 +42,11 @@ impl Histogram {
                 None => break,
             }
         }
-        Histogram { width, counts }
+        Histogram {
+            axes,
+            width,
+            counts,
+        }
     }
 
     /// Middle of each bin.
@@ -52,6 +61,8 @@ impl Histogram {
 /// The fitted distribution.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fit {
+    /// Number of axes.
+    pub axes: u8,
     /// Precision along an axis, nm.
     pub s: f64,
     /// Preferred distance of neighbouring molecules, nm.
@@ -68,7 +79,7 @@ impl Fit {
     /// The three terms at a distance, counts a bin.
     #[must_use]
     pub fn terms(&self, distance: f64) -> [f64; 3] {
-        let shapes = shapes(distance, self.s, self.centre, self.spread);
+        let shapes = shapes(self.axes, distance, self.s, self.centre, self.spread);
         std::array::from_fn(|i| self.amplitudes[i] * shapes[i])
     }
 
@@ -86,18 +97,24 @@ impl Fit {
     }
 }
 
-fn shapes(d: f64, s: f64, centre: f64, spread: f64) -> [f64; 3] {
-    let same = d / (2.0 * s * s) * (-d * d / (4.0 * s * s)).exp();
+fn shapes(axes: u8, d: f64, s: f64, centre: f64, spread: f64) -> [f64; 3] {
+    let root = std::f64::consts::PI.sqrt();
+    let (random, norm) = match axes {
+        1 => (1.0, s * root),
+        3 => (d * d, 2.0 * root * s * s * s),
+        _ => (d, 2.0 * s * s),
+    };
+    let same = random / norm * (-d * d / (4.0 * s * s)).exp();
     let near =
         (-0.5 * ((d - centre) / spread).powi(2)).exp() / (spread * std::f64::consts::TAU.sqrt());
-    [same, near, d]
+    [same, near, random]
 }
 
 /// A first guess of s, from sorted distances: of those up to a distance r, below which most are of
-/// one molecule, the median over 2 sqrt(ln 2). r is where the count grows least when r is doubled;
+/// one molecule, the median over its multiple of s (in the plane 2 sqrt(ln 2)). r is where the count grows least when r is doubled;
 /// random neighbours make it grow fourfold again, farther out, which must exceed chance. None when too few differ from 0.
 #[must_use]
-pub fn guess(sorted: &[f64]) -> Option<f64> {
+pub fn guess(axes: u8, sorted: &[f64]) -> Option<f64> {
     let below = |r: f64| sorted.partition_point(|d| *d <= r);
     let start = sorted.len().min(20);
     let first = sorted
@@ -118,16 +135,22 @@ pub fn guess(sorted: &[f64]) -> Option<f64> {
     }
     let inside = &sorted[..below(best).max(1)];
     let median = inside[inside.len() / 2];
-    (median > 0.0).then(|| median / (2.0 * std::f64::consts::LN_2.sqrt()))
+    // Medians of the length of normal numbers of standard deviation sqrt(2) along 1, 2 and 3 axes.
+    let usual = match axes {
+        1 => 0.953_872_552_3,
+        3 => 2.175_329_549_0,
+        _ => 2.0 * std::f64::consts::LN_2.sqrt(),
+    };
+    (median > 0.0).then(|| median / usual)
 }
 
 /// The histogram for a first guess of s, up to `reach` if it is given.
 #[must_use]
-pub fn histogram(sorted: &[f64], guess: f64, reach: Option<f64>) -> Histogram {
+pub fn histogram(axes: u8, sorted: &[f64], guess: f64, reach: Option<f64>) -> Histogram {
     let reach = reach.unwrap_or(REACH * guess);
     let width = BIN * guess.min(reach / 3.0);
     // So many bins that the fit stays quick, whatever is asked for.
-    Histogram::new(sorted, width.max(reach / 2000.0), reach)
+    Histogram::new(axes, sorted, width.max(reach / 2000.0), reach)
 }
 
 /// Fits the distribution by least squares, from several starts. The amplitudes enter linearly and
@@ -155,10 +178,12 @@ fn search(histogram: &Histogram, guess: f64, start: [f64; 3]) -> Fit {
     let middles = histogram.middles();
     let reach = histogram.width * middles.len() as f64;
     // Logarithms keep the widths positive; limits keep a term from turning into another.
+    // Along one axis the first term is half a normal distribution, from which one about 0 cannot be told.
+    let nearest = guess * if histogram.axes == 1 { 4.0 } else { 1e-3 };
     let place = |p: &[f64; 3]| {
         [
             p[0].exp().clamp(0.5 * histogram.width, reach),
-            p[1].exp().clamp(1e-3 * guess, reach),
+            p[1].exp().clamp(nearest.min(reach), reach),
             p[2].exp().clamp(0.5 * guess, 10.0 * reach),
         ]
     };
@@ -174,9 +199,10 @@ fn evaluate(histogram: &Histogram, middles: &[f64], [s, centre, spread]: [f64; 3
     let mut right = [0.0; 3];
     let mut square = 0.0;
     // Shapes of like size keep the equations well conditioned.
-    let scale = [s, spread, 1.0 / (histogram.width * middles.len() as f64)];
+    let reach = histogram.width * middles.len() as f64;
+    let scale = [s, spread, reach.powi(1 - i32::from(histogram.axes))];
     for (d, count) in middles.iter().zip(&histogram.counts) {
-        let shape = shapes(*d, s, centre, spread);
+        let shape = shapes(histogram.axes, *d, s, centre, spread);
         let shape: [f64; 3] = std::array::from_fn(|i| shape[i] * scale[i]);
         for i in 0..3 {
             right[i] += shape[i] * count;
@@ -188,6 +214,7 @@ fn evaluate(histogram: &Histogram, middles: &[f64], [s, centre, spread]: [f64; 3
     }
     let (amplitudes, gain) = not_negative(&normal, &right);
     Fit {
+        axes: histogram.axes,
         s,
         centre,
         spread,
@@ -257,6 +284,7 @@ mod tests {
     #[test]
     fn a_known_distribution_is_fitted() {
         let truth = Fit {
+            axes: 2,
             s: 9.0,
             centre: 40.0,
             spread: 12.0,
@@ -264,6 +292,7 @@ mod tests {
             cost: 0.0,
         };
         let mut histogram = Histogram {
+            axes: 2,
             width: 0.9,
             counts: vec![0.0; 150],
         };
@@ -297,9 +326,9 @@ mod tests {
             .collect();
         distances.extend((0..n).map(|i| 400.0 * share(i).sqrt()));
         distances.sort_unstable_by(f64::total_cmp);
-        let found = guess(&distances).unwrap();
+        let found = guess(2, &distances).unwrap();
         assert!((4.0..7.0).contains(&found), "{found}");
-        assert_eq!(guess(&[]), None);
-        assert_eq!(guess(&[0.0; 50]), None);
+        assert_eq!(guess(2, &[]), None);
+        assert_eq!(guess(3, &[0.0; 50]), None);
     }
 }

@@ -1,6 +1,6 @@
 //! The operation `puncta.precision.nena/1`.
 
-use crate::distances::next_frame;
+use crate::distances::{next_frame, sorted};
 use crate::frames::Frames;
 use crate::mixture::{Fit, Histogram, fit, guess, histogram, refit};
 use puncta_sdk::documents::number;
@@ -15,6 +15,8 @@ const FEWEST: f64 = 50.0;
 /// Localisation precision from the distances between consecutive frames.
 #[derive(Params)]
 pub struct Nena {
+    /// Column with the third coordinate, such as z; in the plane if left out.
+    z: Option<Column>,
     /// Longest distance of the histogram; 15 times a first estimate of the precision if left out.
     #[param(min = 1e-6, max = 1e9, unit = "nm")]
     longest: Option<f64>,
@@ -35,13 +37,15 @@ impl Operation for Nena {
                 "NeNA: molecules that shine in two frames are found twice, and how far apart shows \
                  the precision. The distances from each localisation to the nearest one of the \
                  next frame are fitted by the distribution for one molecule, a preferred distance \
-                 of neighbours, and random neighbours.\nGive the table before repeats are merged.",
+                 of neighbours, and random neighbours. With z, distances are those in space, z over the \
+                 ratio of both precisions, which the differences along z show.\nGive the table before repeats are merged.",
             )
             .cite("Endesfelder et al., Histochemistry and Cell Biology 141, 629 (2014)")
             .input(
                 Ports::table("table")
                     .column("x", "nm")
                     .column("y", "nm")
+                    .column("$z", "nm")
                     .column("t", "frame"),
             )
             .output(
@@ -62,38 +66,125 @@ impl Operation for Nena {
     fn run(&self, job: &Job) -> Result<(), Failure> {
         let table = job.input("table")?;
         let (x, y, t) = (table.f64("x")?, table.f64("y")?, table.f64("t")?);
+        let z = self.z.as_ref().map(|z| table.f64(z)).transpose()?;
         job.progress(0.0, "sorting by frame")?;
-        let frames = Frames::new(&t, |row| x[row].is_finite() && y[row].is_finite());
+        let deep = |row: usize| z.as_ref().is_none_or(|z| z[row].is_finite());
+        let frames = Frames::new(&t, |row| {
+            x[row].is_finite() && y[row].is_finite() && deep(row)
+        });
         job.progress(0.2, "finding neighbours in the next frame")?;
-        let distances = next_frame(job, &frames, &x, &y)?;
-        let first = guess(&distances).ok_or_else(|| too_few(distances.len()))?;
-        let counts = histogram(&distances, first, self.longest);
+        let differences = next_frame(job, &frames, [&x, &y])?;
+        let (counts, start, found) =
+            self.fitted(2, &sorted(&differences, [1.0; 2]), self.longest)?;
+        let crowding = crowding(&frames, &[&x, &y]);
+        let mut result = Outcome {
+            counts,
+            start,
+            found,
+            depth: None,
+            crowding,
+            left_out: frames.left_out,
+            pairs: differences.len(),
+        };
+        if let Some(z) = &z {
+            self.deepen(job, &frames, [&x, &y, z], &mut result)?;
+        }
+        let interval = self.interval(job, &result.counts, result.start, &result.found)?;
+        table_of(job, &result.counts, &result.found)?;
+        figure(job, &result, interval)?;
+        report(job, &result, interval)
+    }
+}
+
+/// What was found along z.
+struct Depth {
+    /// Precision along z, nm, and its interval.
+    s: f64,
+    interval: [f64; 2],
+    /// Over the lateral one, as the distances have it.
+    ratio: f64,
+}
+
+/// Rounds in which the ratio of the precisions and the pairs settle.
+const ROUNDS: usize = 3;
+
+impl Nena {
+    /// The histogram of distances, the start of the fit, and the fit.
+    fn fitted(
+        &self,
+        axes: u8,
+        distances: &[f64],
+        longest: Option<f64>,
+    ) -> Result<(Histogram, f64, Fit), Failure> {
+        let first = guess(axes, distances).ok_or_else(|| too_few(distances.len()))?;
+        let counts = histogram(axes, distances, first, longest);
         let inside: f64 = counts.counts.iter().sum();
         if inside < FEWEST {
             return Err(too_few(inside as usize));
         }
-        job.progress(0.6, "fitting")?;
         let start = first.min(counts.width * counts.counts.len() as f64 / 3.0);
         let found = fit(&counts, start);
-        let interval = self.interval(job, &counts, start, &found)?;
-        let crowding = crowding(&frames, &x, &y);
-        let result = Outcome {
-            found,
+        Ok((counts, start, found))
+    }
+
+    /// From the plane to space: the precision along z from the differences in z of pairs that are
+    /// near each other in the plane, then distances in space, z over the ratio of the precisions.
+    fn deepen(
+        &self,
+        job: &Job,
+        frames: &Frames,
+        [x, y, z]: [&[f64]; 3],
+        result: &mut Outcome,
+    ) -> Result<(), Failure> {
+        let depth = |row: &u32| z[*row as usize];
+        if frames
+            .rows
+            .iter()
+            .all(|row| depth(row) == depth(&frames.rows[0]))
+        {
+            let message = "z is the same in all rows, so there is no precision along it";
+            return Err(Failure::bad_input(message).remedy("leave out z"));
+        }
+        let mut pairs = next_frame(job, frames, [x, y, z])?;
+        let mut along = (Histogram::default(), 0.0, result.found);
+        let mut ratio = 1.0;
+        for round in 0..=ROUNDS {
+            job.progress(0.3 + 0.1 * round as f64, "fitting")?;
+            let near = 3.0 * 2f64.sqrt() * result.found.s;
+            let deep: Vec<[f64; 1]> = pairs
+                .iter()
+                .filter(|d| d[0].hypot(d[1]) <= near)
+                .map(|d| [d[2]])
+                .collect();
+            along = self.fitted(1, &sorted(&deep, [1.0]), None)?;
+            ratio = along.2.s / result.found.s;
+            if round == ROUNDS {
+                break;
+            }
+            let scaled: Vec<f64> = z.iter().map(|z| z / ratio).collect();
+            pairs = next_frame(job, frames, [x, y, &scaled])?;
+            let distances = sorted(&pairs, [1.0; 3]);
+            (result.counts, result.start, result.found) =
+                self.fitted(3, &distances, self.longest)?;
+            pairs.iter_mut().for_each(|d| d[2] *= ratio);
+            result.crowding = crowding(frames, &[x, y, &scaled]);
+        }
+        let interval = self.interval(job, &along.0, along.1, &along.2)?;
+        result.depth = Some(Depth {
+            s: along.2.s,
             interval,
-            crowding,
-            left_out: frames.left_out,
-            pairs: distances.len(),
-        };
-        table_of(job, &counts, &found)?;
-        figure(job, &counts, &result)?;
-        report(job, &counts, &result)
+            ratio,
+        });
+        Ok(())
     }
 }
 
 /// What was found.
 struct Outcome {
+    counts: Histogram,
+    start: f64,
     found: Fit,
-    interval: [f64; 2],
+    depth: Option<Depth>,
     crowding: f64,
     left_out: usize,
     pairs: usize,
@@ -115,6 +206,7 @@ impl Nena {
             }
             let mut random = Stream::new(self.seed.0, i as u64);
             let drawn = Histogram {
+                axes: counts.axes,
                 width: counts.width,
                 counts: counts.counts.iter().map(|n| random.poisson(*n)).collect(),
             };
@@ -171,10 +263,12 @@ impl Stream {
     }
 }
 
-/// The precision that molecules at random places would seem to have, 1 / (2 sqrt(pi density)), for
-/// the localisations of a frame in their rectangle: near it no repeats can be told.
-fn crowding(frames: &Frames, x: &[f64], y: &[f64]) -> f64 {
-    let side = |values: &[f64]| {
+/// The precision that molecules at random places would seem to have, for the localisations of a frame in
+/// their rectangle or box: near it no repeats can be told. In the plane 1 / (2 sqrt(pi density)); in
+/// space the one with the same mean distance, Gamma(4/3) (3 / (4 pi density))^(1/3) = 4 s / sqrt(pi).
+fn crowding(frames: &Frames, axes: &[&[f64]]) -> f64 {
+    use std::f64::consts::PI;
+    let side = |values: &&[f64]| {
         let each = frames.rows.iter().map(|row| values[*row as usize]);
         let (low, high) = each.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
             (l.min(v), h.max(v))
@@ -182,8 +276,11 @@ fn crowding(frames: &Frames, x: &[f64], y: &[f64]) -> f64 {
         high - low
     };
     let of_frame = frames.rows.len() as f64 / frames.numbers.len() as f64;
-    let density = of_frame / (side(x) * side(y));
-    0.5 / (std::f64::consts::PI * density).sqrt()
+    let density = of_frame / axes.iter().map(side).product::<f64>();
+    if axes.len() == 3 {
+        return 0.892_979_511_6 * (0.75 / (PI * density)).cbrt() * PI.sqrt() / 4.0;
+    }
+    0.5 / (PI * density).sqrt()
 }
 
 fn too_few(count: usize) -> Failure {
@@ -217,7 +314,8 @@ fn table_of(job: &Job, counts: &Histogram, found: &Fit) -> Result<(), Failure> {
     out.finish()
 }
 
-fn figure(job: &Job, counts: &Histogram, result: &Outcome) -> Result<(), Failure> {
+fn figure(job: &Job, result: &Outcome, [low, high]: [f64; 2]) -> Result<(), Failure> {
+    let counts = &result.counts;
     let of = |label: &str, style: &str, y: &str| {
         Series::columns(label, style, "histogram", "distance", y)
     };
@@ -232,7 +330,6 @@ fn figure(job: &Job, counts: &Histogram, result: &Outcome) -> Result<(), Failure
     .with(of("one molecule", "line", "same"))
     .with(of("neighbours", "line", "neighbours"))
     .with(of("random", "line", "random"));
-    let [low, high] = result.interval;
     figure.caption = format!(
         "{} distances in bins of {:.4} nm. Precision {:.4} nm, 95 % interval {low:.4} to {high:.4} \
          nm (resampled counts).",
@@ -240,15 +337,29 @@ fn figure(job: &Job, counts: &Histogram, result: &Outcome) -> Result<(), Failure
         counts.width,
         result.found.s
     );
+    if let Some(depth) = &result.depth {
+        let [low, high] = depth.interval;
+        figure.caption.push_str(&format!(
+            " Distances in space, z over {:.4}; precision along z {:.4} nm, {low:.4} to {high:.4} nm.",
+            depth.ratio, depth.s
+        ));
+    }
     job.figure(&figure)
 }
 
-fn report(job: &Job, counts: &Histogram, result: &Outcome) -> Result<(), Failure> {
+fn report(job: &Job, result: &Outcome, interval: [f64; 2]) -> Result<(), Failure> {
     let mut report = Report::new("report");
-    let found = &result.found;
+    let (counts, found) = (&result.counts, &result.found);
     let value = report.number("precision", found.s, "nm");
-    value.interval = Some(result.interval.map(number::to_value));
-    value.description = Some("Standard deviation of a position along an axis".into());
+    value.interval = Some(interval.map(number::to_value));
+    value.description = Some("Standard deviation of a position along x or y".into());
+    if let Some(depth) = &result.depth {
+        let value = report.number("precision_z", depth.s, "nm");
+        value.interval = Some(depth.interval.map(number::to_value));
+        value.description = Some("Standard deviation of a position along z".into());
+        report.number("ratio", depth.ratio, "1").description =
+            Some("Precision along z over the lateral one, by which z is divided".into());
+    }
     let [same, near, random] = found.shares(counts);
     let reach = counts.width * counts.counts.len() as f64;
     for (name, value, unit, text) in [

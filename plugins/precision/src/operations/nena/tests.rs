@@ -149,3 +149,81 @@ fn tables_without_repeats_are_refused() {
     let error = call(&rows).set("longest", 1e-3).run().unwrap_err();
     assert!(error.to_string().contains("next frame"), "{error}");
 }
+
+/// Molecules in a box that shine for three frames each, and background.
+fn deep(count: usize, noise: usize, sigma: [f64; 3], side: [f64; 3], seed: u64) -> [Vec<f64>; 4] {
+    let mut random = Random(seed);
+    let mut rows = [vec![], vec![], vec![], vec![]];
+    let mut push = |at: [f64; 3], t: f64| {
+        rows.iter_mut()
+            .zip(at.into_iter().chain([t]))
+            .for_each(|(column, value)| column.push(value));
+    };
+    for _ in 0..count {
+        let centre = side.map(|side| random.unit() * side);
+        let start = (random.unit() * 3000.0).floor();
+        for frame in 0..3 {
+            let at = std::array::from_fn(|axis| centre[axis] + sigma[axis] * random.normal());
+            push(at, start + f64::from(frame));
+        }
+    }
+    for _ in 0..noise {
+        let at = side.map(|side| random.unit() * side);
+        push(at, (random.unit() * 3000.0).floor());
+    }
+    rows
+}
+
+fn in_space([x, y, z, t]: &[Vec<f64>; 4]) -> Call {
+    let table = Table::new("locs").f64("x", "nm", x).f64("y", "nm", y);
+    let table = table.f64("z", "nm", z).f64("t", "frame", t);
+    let call = Call::of::<Nena>().input("table", table);
+    call.set("resamples", 40).set("z", "z")
+}
+
+#[test]
+fn planted_precisions_in_space_are_found_within_three_percent() {
+    let cases = [
+        ([8.0, 8.0, 20.0], 0, [20_000.0, 20_000.0, 1000.0], 4),
+        ([12.0, 12.0, 30.0], 5000, [5000.0, 5000.0, 1500.0], 5),
+        ([10.0, 10.0, 10.0], 3000, [3000.0, 3000.0, 3000.0], 6),
+    ];
+    for (sigma, noise, side, seed) in cases {
+        let rows = deep(10_000, noise, sigma, side, seed);
+        let done = in_space(&rows).run().unwrap();
+        for (name, sigma) in [("precision", sigma[0]), ("precision_z", sigma[2])] {
+            let (found, [low, high]) = value(&done, name);
+            assert!((found / sigma - 1.0).abs() < 0.03, "{name} {found} {sigma}");
+            assert!(low < found && found < high && high - low < 0.1 * sigma);
+        }
+    }
+}
+
+#[test]
+fn space_is_no_plane() {
+    // So many molecules above each other that the plane shows neighbours only.
+    let rows = deep(40_000, 0, [10.0, 10.0, 25.0], [400.0, 400.0, 20_000.0], 7);
+    let (found, _) = precision(&in_space(&rows).run().unwrap());
+    let [x, y, z, t] = &rows;
+    let (plane, _) = precision(&call(&[x.clone(), y.clone(), t.clone()]).run().unwrap());
+    assert!((found / 10.0 - 1.0).abs() < 0.05, "{found}");
+    assert!((plane / 10.0 - 1.0).abs() > (found / 10.0 - 1.0).abs());
+    // Other units, another place, another order.
+    let change = |values: &[f64], scale: f64, shift: f64| -> Vec<f64> {
+        values.iter().rev().map(|v| scale * v + shift).collect()
+    };
+    let other = [
+        change(y, -3.0, 0.0),
+        change(x, 3.0, 1e7),
+        change(z, 3.0, 1e6),
+        change(t, 1.0, 0.0),
+    ];
+    let (scaled, _) = precision(&in_space(&other).run().unwrap());
+    assert!(
+        (scaled / found / 3.0 - 1.0).abs() < 2e-3,
+        "{scaled} {found}"
+    );
+    let flat = [x.clone(), y.clone(), vec![5.0; x.len()], t.clone()];
+    let refused = in_space(&flat).run().unwrap_err().to_string();
+    assert!(refused.contains("z"), "{refused}");
+}
