@@ -19,7 +19,7 @@ pub struct Measures {
     /// Whether clusters are measured in 3D.
     #[param(default = false)]
     axial: bool,
-    /// Largest radius of a triangle of the alpha shape, which is measured if this is given; in the plane.
+    /// Largest radius of a triangle (in 3D of a tetrahedron) of the alpha shape, which is measured if this is given.
     #[param(min = 1e-6, max = 1e9, unit = "nm")]
     alpha: Option<f64>,
 }
@@ -70,7 +70,7 @@ fn columns(axial: bool, alpha: bool) -> Vec<ColumnInfo> {
         ("hull_perimeter", "nm", "Perimeter of the convex hull"),
         ("density", "1/nm^2", "Localisations for the hull's area"),
     ];
-    let shape = [
+    let flat_shape = [
         ("alpha_area", "nm^2", "Area of the alpha shape"),
         (
             "alpha_perimeter",
@@ -83,7 +83,24 @@ fn columns(axial: bool, alpha: bool) -> Vec<ColumnInfo> {
             "Localisations for the alpha shape's area",
         ),
     ];
-    let hull = if axial { solid } else { flat };
+    let solid_shape = [
+        ("alpha_volume", "nm^3", "Volume of the alpha shape"),
+        (
+            "alpha_surface",
+            "nm^2",
+            "Surface of the alpha shape, holes too",
+        ),
+        (
+            "alpha_density",
+            "1/nm^3",
+            "Localisations for the alpha shape's volume",
+        ),
+    ];
+    let (hull, shape) = if axial {
+        (solid, solid_shape)
+    } else {
+        (flat, flat_shape)
+    };
     let more = if alpha { &shape[..] } else { &[] };
     all.extend(
         hull.iter()
@@ -94,7 +111,11 @@ fn columns(axial: bool, alpha: bool) -> Vec<ColumnInfo> {
 }
 
 /// The numbers of the columns of one cluster after its number and count, lists one after another.
-fn measure<const D: usize>(points: &[[f64; D]], alpha: Option<f64>) -> Result<Vec<f64>, Failure> {
+fn measure<const D: usize>(
+    points: &[[f64; D]],
+    alpha: Option<f64>,
+    run: &dyn Run,
+) -> Result<Vec<f64>, Failure> {
     let found = moments(points);
     let mut out = found.centre.to_vec();
     out.push(found.gyration);
@@ -110,18 +131,22 @@ fn measure<const D: usize>(points: &[[f64; D]], alpha: Option<f64>) -> Result<Ve
     out.push((spread / (D as f64 - 1.0)).sqrt() / ((D as f64).sqrt() * mean));
     let count = points.len() as f64;
     let density = |size: f64| if size > 0.0 { count / size } else { f64::NAN };
-    let flat: Vec<[f64; 2]> = points.iter().map(|point| [point[0], point[1]]).collect();
     if D == 3 {
-        let solid: Vec<[f64; 3]> = points.iter().map(|p| [p[0], p[1], p[D - 1]]).collect();
-        let hull = space::hull(&solid);
+        let points: Vec<[f64; 3]> = points.iter().map(|p| [p[0], p[1], p[D - 1]]).collect();
+        let hull = space::hull(&points);
         out.extend([hull.volume, hull.surface, density(hull.volume)]);
-    } else {
-        let ring = hull(&flat);
-        let size = area(&ring);
-        out.extend([size, perimeter(&ring), density(size)]);
+        if let Some(alpha) = alpha {
+            let shape = space::alpha_shape(&points, alpha, run)?;
+            out.extend([shape.volume, shape.surface, density(shape.volume)]);
+        }
+        return Ok(out);
     }
+    let points: Vec<[f64; 2]> = points.iter().map(|point| [point[0], point[1]]).collect();
+    let ring = hull(&points);
+    let size = area(&ring);
+    out.extend([size, perimeter(&ring), density(size)]);
     if let Some(alpha) = alpha {
-        let rings = alpha_shape(&flat, alpha)?;
+        let rings = alpha_shape(&points, alpha)?;
         let size: f64 = rings.iter().map(|ring| area(ring)).sum();
         let length: f64 = rings.iter().map(|ring| perimeter(ring)).sum();
         out.extend([size, length, density(size)]);
@@ -145,7 +170,7 @@ impl Measures {
                 .iter()
                 .map(|row| at.map(|values| values[*row as usize]))
                 .collect();
-            measure(&points, self.alpha)
+            measure(&points, self.alpha, job)
         });
         let rows: Vec<Vec<f64>> = rows.into_iter().collect::<Result<_, _>>()?;
         let columns = columns(self.axial, self.alpha.is_some());
@@ -203,8 +228,8 @@ impl Operation for Measures {
             .description(
                 "A table with a row for each cluster: localisations, mean position, radius of \
                  gyration, standard deviations along the principal axes, anisotropy, convex hull \
-                 and density, and on request the alpha shape: the Delaunay triangles whose \
-                 circumscribed circle has at most the radius alpha. Hulls of clusters that lie on \
+                 and density, and on request the alpha shape: the Delaunay triangles \
+                 (tetrahedra) whose circumscribed circle (sphere) has at most the radius alpha. Hulls of clusters that lie on \
                  a line or, in 3D, in a plane have no area or volume, and their density is NaN. \
                  Works with any column of numbers of clusters.",
             )
@@ -226,11 +251,6 @@ impl Operation for Measures {
     }
 
     fn prepare(&self, request: &Request) -> Result<Plan, Failure> {
-        if self.axial && self.alpha.is_some() {
-            let message = "the alpha shape is measured in the plane only";
-            return Err(Failure::bad_parameter("alpha", message)
-                .remedy("leave alpha out, or measure in the plane"));
-        }
         plan::<Self>(request, self.axial, &[&self.group], 160)
     }
 

@@ -1,6 +1,8 @@
-//! The convex hull of points in space, by quickhull (Barber, Dobkin and Huhdanpaa, ACM TOMS 22, 469,
+//! Hulls and alpha shapes of points in space. The convex hull is found by quickhull (Barber, Dobkin and Huhdanpaa, ACM TOMS 22, 469,
 //! 1996).
 
+use puncta_sdk::{Cancelled, Run};
+use puncta_shared_delaunay::tetrahedra;
 use puncta_shared_vector::{cross, dot, sub};
 
 /// A triangle of the hull, seen from outside to the left, with the neighbours across its edges.
@@ -13,9 +15,9 @@ struct Face {
     alive: bool,
 }
 
-/// Volume and surface of a hull.
+/// Volume and surface of a solid.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Hull {
+pub struct Solid {
     /// Volume, nm^3.
     pub volume: f64,
     /// Surface, nm^2.
@@ -24,9 +26,9 @@ pub struct Hull {
 
 /// The convex hull. Zero volume and surface if the points lie in a plane to within rounding.
 #[must_use]
-pub fn hull(points: &[[f64; 3]]) -> Hull {
+pub fn hull(points: &[[f64; 3]]) -> Solid {
     let Some(first) = points.first() else {
-        return Hull::default();
+        return Solid::default();
     };
     let points: Vec<[f64; 3]> = points.iter().map(|point| sub(*point, *first)).collect();
     let size = points
@@ -34,7 +36,7 @@ pub fn hull(points: &[[f64; 3]]) -> Hull {
         .flatten()
         .fold(0.0_f64, |most, value| most.max(value.abs()));
     let Some(start) = tetrahedron(&points, size) else {
-        return Hull::default();
+        return Solid::default();
     };
     let mut quick = Quick {
         points: &points,
@@ -44,6 +46,47 @@ pub fn hull(points: &[[f64; 3]]) -> Hull {
     quick.begin(start);
     quick.grow();
     quick.measure()
+}
+
+/// The alpha shape: the union of the Delaunay tetrahedra whose circumscribed sphere has at most the
+/// radius `alpha` (Edelsbrunner and Muecke, ACM Trans. Graphics 13, 43, 1994). Its surface is that
+/// between what is in it and what is not, around holes too.
+///
+/// # Errors
+/// When cancelled.
+pub fn alpha_shape(points: &[[f64; 3]], alpha: f64, run: &dyn Run) -> Result<Solid, Cancelled> {
+    let first = points.first().copied().unwrap_or_default();
+    let points: Vec<[f64; 3]> = points.iter().map(|point| sub(*point, first)).collect();
+    let mut solid = Solid::default();
+    let mut faces: Vec<[u32; 3]> = Vec::new();
+    for cell in tetrahedra(&points, run)? {
+        let [a, b, c, d] = cell.map(|corner| points[corner as usize]);
+        let (u, v, w) = (sub(b, a), sub(c, a), sub(d, a));
+        let (vw, wu, uv) = (cross(v, w), cross(w, u), cross(u, v));
+        let six = dot(u, vw);
+        // The centre of the sphere, from a corner.
+        let [uu, vv, ww] = [dot(u, u), dot(v, v), dot(w, w)];
+        let centre: [f64; 3] =
+            std::array::from_fn(|k| (uu * vw[k] + vv * wu[k] + ww * uv[k]) / (2.0 * six));
+        let square = dot(centre, centre);
+        // Flat to within rounding: the centre is no number or far away.
+        if !(square <= alpha * alpha * (1.0 + 1e-9)) {
+            continue;
+        }
+        solid.volume += six.abs() / 6.0;
+        for slot in 0..4 {
+            let mut face = [0, 1, 2].map(|k| cell[(slot + 1 + k) % 4]);
+            face.sort_unstable();
+            faces.push(face);
+        }
+    }
+    faces.sort_unstable();
+    for same in faces.chunk_by(|a, b| a == b).filter(|same| same.len() == 1) {
+        let [a, b, c] = same[0].map(|corner| points[corner as usize]);
+        let normal = cross(sub(b, a), sub(c, a));
+        solid.surface += 0.5 * dot(normal, normal).sqrt();
+    }
+    Ok(solid)
 }
 
 /// Four points that span a volume.
@@ -203,8 +246,8 @@ impl Quick<'_> {
         self.share(points, &new);
     }
 
-    fn measure(&self) -> Hull {
-        let mut hull = Hull::default();
+    fn measure(&self) -> Solid {
+        let mut hull = Solid::default();
         for face in self.faces.iter().filter(|face| face.alive) {
             let [a, b, c] = face.corners.map(|corner| self.points[corner]);
             let normal = cross(sub(b, a), sub(c, a));

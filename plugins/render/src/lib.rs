@@ -2,7 +2,6 @@
 //! from squares and triangles that adapt to them, in planes and volumes.
 
 mod channels;
-pub mod delaunay3d;
 mod draw;
 pub mod field;
 mod gaussian;

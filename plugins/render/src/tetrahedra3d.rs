@@ -5,11 +5,11 @@
 //! whose centres it holds, scaled so that they add up to its shares; a small one gives equal parts
 //! of its shares to the voxels of points that are spread evenly in it.
 
-use crate::delaunay3d::tetrahedra;
 use crate::field::Volume;
 use crate::samples::{Cloud, Sampling, distinct};
 use puncta_sdk::run::{chunks_mut, map};
 use puncta_sdk::{Cancelled, Run};
+use puncta_shared_delaunay::tetrahedra;
 use puncta_shared_vector::{cross, dot, sub};
 use std::ops::Range;
 

@@ -1,4 +1,5 @@
 use super::*;
+use crate::testing::planted;
 use puncta_testkit::{Call, Done, Table};
 
 fn f64s(done: &Done, name: &str) -> Vec<f64> {
@@ -76,14 +77,13 @@ fn a_box_in_space_and_one_without_depth() {
     assert!((f64s(&done, "hull_surface")[0] - 600.0).abs() < 1e-9);
     assert!((f64s(&done, "z")[0] - 5.0).abs() < 1e-12);
     assert!(f64s(&done, "anisotropy")[0].abs() < 1e-12);
-    let both = Call::of::<Measures>()
-        .set("axial", true)
-        .set("alpha", 5)
-        .input("table", table);
-    assert_eq!(
-        both.prepare().unwrap_err().parameter.as_deref(),
-        Some("alpha")
-    );
+    let both = Call::of::<Measures>().set("axial", true).set("alpha", 10);
+    let done = both.input("table", table).run().unwrap();
+    assert!((f64s(&done, "alpha_volume")[0] - 1000.0).abs() < 1e-9);
+    assert!((f64s(&done, "alpha_surface")[0] - 600.0).abs() < 1e-9);
+    assert!((f64s(&done, "alpha_density")[0] - 8e-3).abs() < 1e-12);
+    assert_eq!(f64s(&done, "alpha_volume")[1], 0.0);
+    assert!(f64s(&done, "alpha_density")[1].is_nan());
 }
 
 #[test]
@@ -101,4 +101,72 @@ fn an_empty_table_has_no_cluster_and_a_missing_column_is_named() {
         .set("group", "objectID")
         .input("table", none);
     assert!(call.prepare().unwrap_err().message.contains("objectID"));
+}
+
+#[test]
+fn changes_of_the_data_change_the_measures_as_they_must() {
+    let (at, labels) = planted(9, 60, 20.0, 100);
+    let order: Vec<usize> = (0..labels.len()).map(|i| i * 7 % labels.len()).collect();
+    let run = |at: &[Vec<f64>; 3], order: &[usize], alpha: f64, axial: bool| {
+        let [x, y, z] = at
+            .each_ref()
+            .map(|v| order.iter().map(|i| v[*i]).collect::<Vec<f64>>());
+        let of: Vec<i32> = order.iter().map(|i| labels[*i]).collect();
+        let table = Table::new("locs").f64("x", "nm", &x).f64("y", "nm", &y);
+        let table = table.f64("z", "nm", &z).i32("dbscanClumpID", "1", &of);
+        let call = Call::of::<Measures>()
+            .set("axial", axial)
+            .set("alpha", alpha);
+        call.input("table", table).run().unwrap()
+    };
+    let plain: Vec<usize> = (0..labels.len()).collect();
+    for (axial, sizes) in [
+        (
+            false,
+            [
+                "hull_area",
+                "hull_perimeter",
+                "alpha_area",
+                "alpha_perimeter",
+            ],
+        ),
+        (
+            true,
+            [
+                "hull_volume",
+                "hull_surface",
+                "alpha_volume",
+                "alpha_surface",
+            ],
+        ),
+    ] {
+        let one = run(&at, &plain, 40.0, axial);
+        let same = |other: &Done, factor: f64| {
+            let close = |name: &str, power: i32| {
+                for (a, b) in f64s(&one, name).iter().zip(f64s(other, name)) {
+                    assert!(
+                        (b / a / factor.powi(power) - 1.0).abs() < 1e-5,
+                        "{name} {a} {b}"
+                    );
+                }
+            };
+            for (k, name) in sizes.into_iter().enumerate() {
+                close(name, if axial { 3 } else { 2 } - (k % 2) as i32);
+            }
+            close("gyration_radius", 1);
+            close("sigma_0", 1);
+            close("anisotropy", 0);
+        };
+        same(&run(&at, &order, 40.0, axial), 1.0);
+        let changed = |change: &dyn Fn(f64) -> f64| {
+            at.each_ref()
+                .map(|v| v.iter().map(|x| change(*x)).collect())
+        };
+        same(&run(&changed(&|x| 3.0 * x), &plain, 120.0, axial), 3.0);
+        same(&run(&changed(&|x| x + 1e7), &plain, 40.0, axial), 1.0);
+        let mut turned = at.clone();
+        turned.swap(0, 1);
+        turned[0].iter_mut().for_each(|x| *x = -*x);
+        same(&run(&turned, &plain, 40.0, axial), 1.0);
+    }
 }

@@ -332,8 +332,8 @@ impl<'a> Mesh<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::Random;
     use puncta_sdk::run::Serial;
+    use puncta_testkit::Random;
 
     fn volume(points: &[[f64; 3]], cell: &[u32; 4]) -> f64 {
         let [a, b, c, d] = cell.map(|corner| points[corner as usize]);
@@ -347,9 +347,9 @@ mod tests {
     }
 
     fn random(count: usize, seed: u64) -> Vec<[f64; 3]> {
-        let mut random = Random::new(seed);
+        let mut random = Random(seed);
         (0..count)
-            .map(|_| std::array::from_fn(|_| random.next()))
+            .map(|_| std::array::from_fn(|_| random.unit()))
             .collect()
     }
 
