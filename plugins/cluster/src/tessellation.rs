@@ -10,10 +10,19 @@ use puncta_sdk::serde_json::json;
 /// What the density of a cluster is compared with.
 #[derive(Choice, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Threshold {
-    /// A multiple of the mean density
+    /// A multiple of the reference density
     Factor,
     /// A quantile of the densities of complete spatial randomness, by simulation
     Random,
+}
+
+/// The density that thresholds are multiples of.
+#[derive(Choice, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reference {
+    /// Of the localisations outside clusters, in their cells
+    Background,
+    /// Of all localisations, in the box around them
+    Mean,
 }
 
 /// Finds clusters as neighbouring cells of a Voronoi tessellation that are small.
@@ -22,9 +31,15 @@ pub struct Tessellation {
     /// What the density of a cluster is compared with.
     #[param(default = Threshold::Factor)]
     threshold: Threshold,
-    /// Multiple of the mean density that a localisation of a cluster has at least.
-    #[param(default = 2, min = 0, max = 1e9)]
+    /// Multiple of the reference density that a localisation of a cluster has at least.
+    #[param(default = 3, min = 0, max = 1e9)]
     factor: f64,
+    /// The density that the threshold is a multiple of.
+    #[param(default = Reference::Background)]
+    reference: Reference,
+    /// Join localisations that lie close beside a cluster, whose own density its rim spoils.
+    #[param(default = true)]
+    border: bool,
     /// Share of localisations under complete spatial randomness that have a lower density than the threshold.
     #[param(default = 0.99, min = 0, max = 1)]
     level: f64,
@@ -52,8 +67,13 @@ impl Tessellation {
                 random_factor::<D>(self.simulated, self.level, self.seed.0, job)?
             }
         };
+        let reference = match self.reference {
+            Reference::Background => tiles.background(factor, self.min_size, job)?,
+            Reference::Mean => tiles.mean,
+        };
         job.progress(0.9, "joining cells")?;
-        let (labels, sizes) = tiles.clusters(factor, self.min_size, at[0].len());
+        let least = factor * reference;
+        let (labels, sizes) = tiles.clusters(least, self.min_size, self.border, at[0].len());
         // Sizes of cells in nm, not in scaled units.
         let unit = if D == 3 { "nm^3" } else { "nm^2" };
         let mut out = job.add_columns("table", columns(unit))?;
@@ -84,12 +104,21 @@ impl Tessellation {
         report.number("outside", outside as f64, "1");
         report.number("left out", missing as f64, "1");
         report.number("mean density", tiles.mean * scale, &format!("1/{unit}"));
+        let per = format!("1/{unit}");
+        report
+            .number("reference density", reference * scale, &per)
+            .description = Some("What the threshold is a multiple of".into());
         report.number("factor", factor, "1").description =
-            Some("Threshold over the mean density".into());
+            Some("Threshold over the reference density".into());
         job.report(&report)?;
         let caption = format!(
-            "tessellation, {factor:.4} x the mean density, min_size {}",
-            self.min_size
+            "tessellation, {factor:.4} x the {} density, min_size {}, {} border",
+            match self.reference {
+                Reference::Background => "background",
+                Reference::Mean => "mean",
+            },
+            self.min_size,
+            if self.border { "with" } else { "without" }
         );
         job.figure(&sizes::figure(&sizes, &caption))
     }
@@ -121,9 +150,10 @@ impl Operation for Tessellation {
                 "Cuts the box around all localisations into Voronoi cells. The density of a \
                  localisation is the number of localisations in its cell and the neighbouring \
                  ones over their area (volume). Neighbouring cells whose density reaches the \
-                 threshold are a cluster. The threshold is a multiple of the mean density, given, \
-                 or found as a quantile of simulated complete spatial randomness. Localisations \
-                 at the same position share a cell. Clusters are numbered from 1 by their first \
+                 threshold are a cluster. The threshold is a multiple, given or found as a quantile \
+                 of simulated complete spatial randomness, of the density outside clusters or of \
+                 the mean. A localisation of less density beside a cluster joins it where it is \
+                 near enough. Localisations at the same position share a cell. Clusters are numbered from 1 by their first \
                  row.",
             )
             .input(

@@ -11,7 +11,18 @@ pub fn planted(
     sigma: f64,
     noise: usize,
 ) -> ([Vec<f64>; 3], Vec<i32>) {
-    let mut random = Random(clusters as u64);
+    planted_by(clusters as u64, clusters, size, sigma, noise)
+}
+
+/// As [`planted`], with a seed.
+pub fn planted_by(
+    seed: u64,
+    clusters: usize,
+    size: usize,
+    sigma: f64,
+    noise: usize,
+) -> ([Vec<f64>; 3], Vec<i32>) {
+    let mut random = Random(seed);
     let side = 1000.0 * (clusters as f64).sqrt().ceil();
     let columns = (clusters as f64).sqrt().ceil() as usize;
     let (mut at, mut labels) = ([vec![], vec![], vec![]], vec![]);

@@ -1,16 +1,25 @@
 //! Densities from Voronoi cells, and the clusters of neighbouring dense ones.
 
-use crate::tree::Tree;
+use crate::tree::{Tree, square};
 use crate::union::Union;
 use crate::voronoi::{self, Cell};
 use puncta_sdk::{Cancelled, Failure, Run};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
+/// In no cluster.
+const NONE: usize = usize::MAX;
+/// Most rounds in which the background is found.
+const ROUNDS: usize = 50;
+
 /// The tessellation of a table.
 #[derive(Debug)]
 pub struct Tiles {
     cells: Vec<Cell>,
+    /// Position of each cell's localisations; 0 along an axis that is not there.
+    at: Vec<[f64; 3]>,
+    /// Number of axes.
+    axes: u32,
     /// Rows at each position, the first of which is in the tree.
     rows: Vec<Vec<u32>>,
     /// Density of each cell and its neighbours.
@@ -36,6 +45,8 @@ impl Tiles {
         let Some(root) = tree.nodes.first() else {
             return Ok(Tiles {
                 cells: Vec::new(),
+                at: Vec::new(),
+                axes: 0,
                 rows: Vec::new(),
                 density: Vec::new(),
                 mean: f64::NAN,
@@ -52,7 +63,10 @@ impl Tiles {
         }
         let cells = cut(&tree, low, high, run)?;
         let count: usize = rows.iter().map(Vec::len).sum();
+        let place = |at: &[f64; D]| std::array::from_fn(|k| at.get(k).copied().unwrap_or(0.0));
         let mut tiles = Tiles {
+            at: tree.at.iter().map(place).collect(),
+            axes: if D == 3 { 3 } else { 2 },
             rows: tree
                 .order
                 .iter()
@@ -80,11 +94,45 @@ impl Tiles {
         count as f64 / size
     }
 
-    /// Clusters of at least `min_size` localisations whose density is at least `factor` times the
-    /// mean: number of each row, from 1 by the first row, and sizes.
+    /// Clusters of at least `min_size` localisations whose density is at least `least`: number of
+    /// each row, from 1 by the first row, and sizes. With `border` a localisation next to a cluster
+    /// joins it as [`Tiles::join_border`] says.
     #[must_use]
-    pub fn clusters(&self, factor: f64, min_size: usize, rows: usize) -> (Vec<i32>, Vec<u64>) {
-        let least = factor * self.mean;
+    pub fn clusters(
+        &self,
+        least: f64,
+        min_size: usize,
+        border: bool,
+        rows: usize,
+    ) -> (Vec<i32>, Vec<u64>) {
+        let mut roots = self.dense(least, min_size);
+        if border {
+            self.join_border(least, &mut roots);
+        }
+        let mut of_row = vec![NONE; rows];
+        for (rows, root) in self.rows.iter().zip(&roots) {
+            rows.iter().for_each(|row| of_row[*row as usize] = *root);
+        }
+        let mut number = vec![0; self.cells.len()];
+        let mut sizes: Vec<u64> = Vec::new();
+        let mut label = |root: usize| {
+            if root == NONE {
+                return 0;
+            }
+            if number[root] == 0 {
+                sizes.push(0);
+                number[root] = sizes.len();
+            }
+            sizes[number[root] - 1] += 1;
+            i32::try_from(number[root]).unwrap_or(i32::MAX)
+        };
+        let labels = of_row.into_iter().map(&mut label).collect();
+        (labels, sizes)
+    }
+
+    /// For each cell a cell that stands for its cluster, or [`NONE`]. Clusters are neighbouring
+    /// cells of at least the density `least`, of at least `min_size` localisations.
+    fn dense(&self, least: f64, min_size: usize) -> Vec<usize> {
         let dense = |point: usize| self.density[point] >= least;
         let union = Union::new(self.cells.len());
         for point in (0..self.cells.len()).filter(|point| dense(*point)) {
@@ -94,32 +142,79 @@ impl Tiles {
                 }
             }
         }
-        let mut sizes = vec![0_u64; self.cells.len()];
-        let mut of_row = vec![None; rows];
+        let mut sizes = vec![0; self.cells.len()];
+        let mut roots = vec![NONE; self.cells.len()];
         for point in (0..self.cells.len()).filter(|point| dense(*point)) {
-            let root = union.root(point);
-            sizes[root] += self.rows[point].len() as u64;
-            self.rows[point]
-                .iter()
-                .for_each(|row| of_row[*row as usize] = Some(root));
+            roots[point] = union.root(point);
+            sizes[roots[point]] += self.rows[point].len();
         }
-        let mut number = vec![0; self.cells.len()];
-        let mut kept = Vec::new();
-        let mut label = |root: usize| {
-            if sizes[root] < min_size as u64 {
-                return 0;
+        for root in roots.iter_mut().filter(|root| **root != NONE) {
+            if sizes[*root] < min_size {
+                *root = NONE;
             }
-            if number[root] == 0 {
-                kept.push(sizes[root]);
-                number[root] = i32::try_from(kept.len()).unwrap_or(i32::MAX);
-            }
-            number[root]
+        }
+        roots
+    }
+
+    /// The outermost localisations of a cluster have large neighbours, so that their density is too
+    /// low. One joins the cluster of the nearest neighbour in a cluster if that is so near that a
+    /// disc (ball) of the density `least` about it holds one localisation.
+    fn join_border(&self, least: f64, roots: &mut [usize]) {
+        let disc = match self.axes {
+            3 => 4.0 / 3.0 * std::f64::consts::PI,
+            _ => std::f64::consts::PI,
         };
-        let labels = of_row
-            .into_iter()
-            .map(|root| root.map_or(0, &mut label))
-            .collect();
-        (labels, kept)
+        let reach = (1.0 / (disc * least)).powf(1.0 / f64::from(self.axes));
+        let inner = roots.to_vec();
+        for (point, root) in roots.iter_mut().enumerate().filter(|(_, r)| **r == NONE) {
+            let near = self.cells[point].near.iter().map(|other| *other as usize);
+            let distance = |other: usize| square(&self.at[point], &self.at[other]).sqrt();
+            let nearest = near
+                .filter(|other| inner[*other] != NONE)
+                .map(|other| (distance(other), other))
+                .min_by(|a, b| {
+                    a.0.total_cmp(&b.0)
+                        .then(self.rows[a.1].cmp(&self.rows[b.1]))
+                });
+            if let Some((distance, other)) = nearest
+                && distance <= reach
+            {
+                *root = inner[other];
+            }
+        }
+    }
+
+    /// The density outside clusters whose density is at least `factor` times this very density:
+    /// localisations for their cells' size. Found by starting from the mean density.
+    ///
+    /// # Errors
+    /// When cancelled.
+    pub fn background(
+        &self,
+        factor: f64,
+        min_size: usize,
+        run: &dyn Run,
+    ) -> Result<f64, Cancelled> {
+        let mut density = self.mean;
+        for round in 0..ROUNDS {
+            run.progress(
+                0.8 + 0.1 * round as f64 / ROUNDS as f64,
+                "finding the background",
+            )?;
+            let roots = self.dense(factor * density, min_size);
+            let outside = (0..roots.len()).filter(|point| roots[*point] == NONE);
+            let (mut count, mut size) = (0, 0.0);
+            for point in outside {
+                count += self.rows[point].len();
+                size += self.cells[point].size;
+            }
+            // The densities fall from round to round; there is no background if nothing is left.
+            if count == 0 || count as f64 / size >= density {
+                break;
+            }
+            density = count as f64 / size;
+        }
+        Ok(density)
     }
 
     /// Calls `visit` with each row, the size of its cell and its density.
