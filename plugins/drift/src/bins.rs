@@ -71,6 +71,53 @@ impl Bins {
         out.finish(cloud)
     }
 
+    /// The same bins, cut where a step lies within one. A part that would hold less than a quarter of
+    /// a usual bin goes to its neighbour on the same side of the step.
+    pub fn cut(self, cloud: &Cloud, breaks: &[f64]) -> Self {
+        if breaks.is_empty() || self.is_empty() {
+            return self;
+        }
+        let in_frame = cloud.per_frame();
+        let piece: Vec<usize> = cloud
+            .times
+            .iter()
+            .map(|t| breaks.partition_point(|end| end <= t))
+            .collect();
+        // Parts: the bin and the piece they lie in, their end among the frames, localisations.
+        let mut parts: Vec<(u32, usize, usize, f64)> = Vec::new();
+        for (frame, (bin, piece)) in self.of_frame.iter().zip(&piece).enumerate() {
+            match parts.last_mut() {
+                Some(part) if part.0 == *bin && part.1 == *piece => {
+                    (part.2, part.3) = (frame + 1, part.3 + in_frame[frame]);
+                }
+                _ => parts.push((*bin, *piece, frame + 1, in_frame[frame])),
+            }
+        }
+        let least = cloud.len() as f64 / self.len() as f64 / 4.0;
+        let mut whole: Vec<(u32, usize, usize, f64)> = Vec::new();
+        for part in parts {
+            match whole.last_mut() {
+                Some(last) if last.1 == part.1 && last.3.min(part.3) < least => {
+                    (last.2, last.3) = (part.2, last.3 + part.3);
+                }
+                _ => whole.push(part),
+            }
+        }
+        let mut out = Self::default();
+        let mut frame = 0;
+        for (bin, (_, _, end, count)) in whole.into_iter().enumerate() {
+            let begin = cloud.times[frame];
+            out.count.push(count);
+            out.centre.push(0.0);
+            for frame in frame..end {
+                out.of_frame.push(bin as u32);
+                out.centre[bin] += in_frame[frame] * (cloud.times[frame] - begin);
+            }
+            frame = end;
+        }
+        out.finish(cloud)
+    }
+
     fn finish(mut self, cloud: &Cloud) -> Self {
         let mut begin = vec![f64::NAN; self.count.len()];
         for (bin, t) in self.of_frame.iter().zip(&cloud.times) {
@@ -144,6 +191,23 @@ mod tests {
         let equal = Bins::equal(&cloud(&times, 5), 4);
         assert_eq!(equal.count, [125.0; 4]);
         assert_eq!(Bins::equal(&cloud(&times[..3], 5), 10).len(), 3);
+    }
+
+    #[test]
+    fn a_step_ends_a_bin() {
+        let times: Vec<f64> = (0..100).map(f64::from).collect();
+        let cloud = cloud(&times, 5);
+        let bins = || Bins::by_count(&cloud, 50.0);
+        let cut = bins().cut(&cloud, &[34.5]);
+        assert_eq!(cut.len(), 11);
+        assert_eq!(cut.count[3..5], [25.0, 25.0]);
+        assert_eq!(cut.centre[3..5], [32.0, 37.0]);
+        // Two frames before the step are too few for a bin of their own.
+        let cut = bins().cut(&cloud, &[32.0]);
+        assert_eq!((cut.len(), cut.count[2], cut.count[3]), (10, 60.0, 40.0));
+        assert_eq!(cut.centre[2], 25.5);
+        assert_eq!(bins().cut(&cloud, &[30.0]), bins());
+        assert_eq!(bins().cut(&cloud, &[-5.0, 1e9]), bins());
     }
 
     #[test]

@@ -7,6 +7,7 @@ use crate::bins::Bins;
 use crate::cloud::Cloud;
 use crate::curve::{Curve, Interpolation};
 use crate::displacement::{Layout, Peak, histograms, peak, thin};
+use crate::estimate::{Note, note};
 use crate::network::{Link, Solution, solve};
 
 /// Least score of a peak that is believed.
@@ -34,6 +35,23 @@ pub struct Coarse {
     pub pairs: [usize; 2],
     /// Root mean square of the residuals of the pairs that agreed, nm.
     pub residual: f64,
+}
+
+impl Coarse {
+    /// For the report: how many pairs there were, and how many agreed.
+    pub fn notes(&self) -> [Note; 2] {
+        let [pairs, used] = self.pairs.map(|count| count as f64);
+        let meaning = "Pairs that showed a peak and agreed with the others";
+        [
+            note(
+                "pairs",
+                pairs,
+                "1",
+                "Pairs of segments that were correlated",
+            ),
+            note("pairs_used", used, "1", meaning),
+        ]
+    }
 }
 
 /// Drift between segments, from the displacements up to `reach` nm.

@@ -3,6 +3,7 @@
 
 use std::borrow::Cow;
 
+use puncta_sdk::documents::findings::ReportValue;
 use puncta_sdk::documents::{Read, units};
 use puncta_sdk::operation::default_plan;
 use puncta_sdk::prelude::*;
@@ -10,6 +11,7 @@ use puncta_sdk::run::chunks_mut;
 use puncta_sdk::{Figure, Input, Series};
 
 use crate::cloud::{Assumed, Cloud, Columns, Frames, NO_FRAME};
+use crate::curve::{Curve, Interpolation};
 use crate::estimate::Estimate;
 
 /// Which axes are corrected.
@@ -185,12 +187,12 @@ impl Drift {
     /// The estimate at the times of a table.
     pub fn of(estimate: &Estimate, frames: &Frames, reference: Reference) -> Self {
         let mut at = estimate.curve.at(&frames.times, estimate.interpolation);
-        let errors = crate::curve::Curve {
+        let errors = Curve {
             times: estimate.curve.times.clone(),
             values: estimate.error.clone(),
-            breaks: Vec::new(),
+            breaks: estimate.curve.breaks.clone(),
         };
-        let error = errors.at(&frames.times, crate::curve::Interpolation::Linear);
+        let error = errors.at(&frames.times, Interpolation::Linear);
         let zero = match reference {
             Reference::First => at.first().copied().unwrap_or_default(),
             Reference::Mean => mean(&at, frames),
@@ -327,6 +329,19 @@ pub fn report(estimate: &Estimate, drift: &Drift, frames: &Frames, axes: usize) 
             .number(&format!("range_{name}"), span.max(0.0), "nm")
             .description = Some("Largest minus smallest drift".into());
     }
+    let breaks = &estimate.curve.breaks;
+    report.number("steps", breaks.len() as f64, "1").description =
+        Some("Sudden steps, given or found; the drift is smooth between them".into());
+    if !breaks.is_empty() {
+        let times: Vec<String> = breaks.iter().map(f64::to_string).collect();
+        report.values.push(ReportValue {
+            name: "step_times".into(),
+            value: times.join(", ").into(),
+            unit: "1".into(),
+            interval: None,
+            description: Some("The first time after each step".into()),
+        });
+    }
     let used = frames.rows.len() as f64;
     report.number("localisations", used, "1").description =
         Some("Rows with a finite position and time".into());
@@ -340,11 +355,15 @@ pub fn report(estimate: &Estimate, drift: &Drift, frames: &Frames, axes: usize) 
 }
 
 /// The report of a drift that was known already.
-pub fn known(drift: &Drift, frames: &Frames, axes: usize, samples: usize) -> Report {
+pub fn known(drift: &Drift, frames: &Frames, axes: usize, curve: &Curve) -> Report {
     let estimate = Estimate {
+        curve: Curve {
+            breaks: curve.breaks.clone(),
+            ..Curve::default()
+        },
         notes: vec![crate::estimate::note(
             "samples",
-            samples as f64,
+            curve.times.len() as f64,
             "1",
             "Times at which the drift was given",
         )],
@@ -354,6 +373,9 @@ pub fn known(drift: &Drift, frames: &Frames, axes: usize, samples: usize) -> Rep
     report
         .values
         .retain(|value| !value.name.starts_with("split_half"));
+    if curve.breaks.is_empty() {
+        report.values.retain(|value| value.name != "steps");
+    }
     report
 }
 

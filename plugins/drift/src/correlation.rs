@@ -1,18 +1,19 @@
 //! Drift of segments from their correlation: redundant, or with a single reference.
 
-use puncta_sdk::{Failure, Run};
+use puncta_sdk::{Failure, FailureCode, Run};
 
 use crate::bins::Bins;
 use crate::cloud::{Cloud, hash};
-use crate::coarse::{Pattern, segments};
+use crate::coarse::{Coarse, Pattern, segments};
 use crate::curve::Interpolation;
-use crate::estimate::{Estimate, Trials, combine, note};
+use crate::estimate::{Estimate, Trials, note};
 use crate::least_entropy::check;
+use crate::steps::Steps;
 
 /// What the person may choose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// Duration of a segment; 20 segments with equal numbers of localisations if None.
+    /// Duration of a segment; up to 20 segments with equal numbers of localisations if None.
     pub segment: Option<f64>,
     /// Largest displacement that is looked for, nm.
     pub reach: f64,
@@ -26,25 +27,79 @@ pub struct Settings {
 
 /// Most segments: all their pairs are correlated.
 const MOST: usize = 300;
-/// Segments if nothing is said.
-const USUAL: usize = 20;
+/// Segments if nothing is said: at most, and at least.
+const USUAL: [usize; 2] = [20, 4];
+/// Localisations of a segment, where there are enough for the least number of segments.
+const CLEAR: usize = 500;
 
 /// Estimates the drift.
 ///
 /// # Errors
 /// When the localisations are too few, the segments too many, or there is no structure that repeats;
 /// or cancelled.
-pub fn estimate(cloud: &Cloud, settings: &Settings, run: &dyn Run) -> Result<Estimate, Failure> {
+pub fn estimate(
+    cloud: &Cloud,
+    settings: &Settings,
+    steps: &Steps,
+    run: &dyn Run,
+) -> Result<Estimate, Failure> {
     check(cloud)?;
-    run.progress(0.0, "correlating segments")?;
-    let bins = match settings.segment {
-        Some(span) => Bins::by_span(cloud, span, 50.0),
-        None => Bins::equal(cloud, USUAL.min(cloud.len() / 50)),
-    };
-    if bins.len() > MOST {
-        let message = format!("{} segments are more than {MOST}", bins.len());
-        return Err(Failure::bad_parameter("segment", message).remedy("give a longer segment"));
+    let mut last = None;
+    let mut estimate = steps.estimate(cloud, run, |breaks| {
+        let (bins, trials, whole) = trials(cloud, settings, breaks, run)?;
+        last = Some(whole);
+        Ok((bins, trials))
+    })?;
+    estimate.interpolation = settings.interpolation;
+    let segments = estimate.curve.times.len() as f64;
+    estimate.notes = vec![note("segments", segments, "1", "Segments of time")];
+    if let Some(whole) = last {
+        estimate.notes.extend(whole.notes());
+        let meaning = "Root mean square residual of those pairs";
+        estimate
+            .notes
+            .push(note("residual", whole.residual, "nm", meaning));
     }
+    estimate.scale_z(cloud.z_scale);
+    Ok(estimate)
+}
+
+/// The drift of segments that end at the breaks, from all localisations and from both halves. Where
+/// nothing is said of the segments and they show no structure, fewer and longer ones are taken.
+fn trials(
+    cloud: &Cloud,
+    settings: &Settings,
+    breaks: &[f64],
+    run: &dyn Run,
+) -> Result<(Bins, Trials, Coarse), Failure> {
+    let [most, least] = USUAL;
+    if let Some(span) = settings.segment {
+        let bins = Bins::by_span(cloud, span, 50.0).cut(cloud, breaks);
+        if bins.len() > MOST {
+            let message = format!("{} segments are more than {MOST}", bins.len());
+            return Err(Failure::bad_parameter("segment", message).remedy("give a longer segment"));
+        }
+        return trial(cloud, settings, bins, run);
+    }
+    let mut count = (cloud.len() / CLEAR).clamp(least, most);
+    loop {
+        let bins = Bins::equal(cloud, count).cut(cloud, breaks);
+        match trial(cloud, settings, bins, run) {
+            Err(failure) if failure.code == FailureCode::BadInput && count > least => {
+                count = (count / 2).max(least);
+            }
+            other => return other,
+        }
+    }
+}
+
+fn trial(
+    cloud: &Cloud,
+    settings: &Settings,
+    bins: Bins,
+    run: &dyn Run,
+) -> Result<(Bins, Trials, Coarse), Failure> {
+    run.progress(0.0, "correlating segments")?;
     let Settings {
         reach,
         pattern,
@@ -57,33 +112,8 @@ pub fn estimate(cloud: &Cloud, settings: &Settings, run: &dyn Run) -> Result<Est
     let half = |which| Ok::<_, Failure>(drift(&cloud.half(hash(5, seed), which))?.drift);
     let halves = [half(false)?, half(true)?];
     let trials = Trials {
-        whole: whole.drift,
+        whole: whole.drift.clone(),
         halves,
     };
-    let mut estimate = combine(&bins, trials, cloud.axes, Vec::new());
-    let [pairs, used] = whole.pairs.map(|count| count as f64);
-    estimate.interpolation = settings.interpolation;
-    estimate.notes = vec![
-        note("segments", bins.len() as f64, "1", "Segments of time"),
-        note(
-            "pairs",
-            pairs,
-            "1",
-            "Pairs of segments that were correlated",
-        ),
-        note(
-            "pairs_used",
-            used,
-            "1",
-            "Pairs that showed a peak and agreed with the others",
-        ),
-        note(
-            "residual",
-            whole.residual,
-            "nm",
-            "Root mean square residual of those pairs",
-        ),
-    ];
-    estimate.scale_z(cloud.z_scale);
-    Ok(estimate)
+    Ok((bins, trials, whole))
 }

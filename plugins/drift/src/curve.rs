@@ -1,5 +1,7 @@
 //! A drift as a curve: values at nodes in time, a cubic spline between them, and breaks.
 
+use std::ops::Range;
+
 /// Interpolation between the nodes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Interpolation {
@@ -44,18 +46,23 @@ impl Curve {
     }
 
     /// Pieces of the nodes between breaks.
-    pub fn pieces(&self) -> Vec<std::ops::Range<usize>> {
-        let mut pieces = Vec::new();
-        let mut begin = 0;
-        for end in self.breaks.iter().copied().chain([f64::INFINITY]) {
-            let stop = begin + self.times[begin..].partition_point(|t| *t < end);
-            if stop > begin {
-                pieces.push(begin..stop);
-            }
-            begin = stop;
-        }
-        pieces
+    pub fn pieces(&self) -> Vec<Range<usize>> {
+        pieces(&self.times, &self.breaks)
     }
+}
+
+/// Pieces of increasing times between breaks.
+pub fn pieces(times: &[f64], breaks: &[f64]) -> Vec<Range<usize>> {
+    let mut pieces = Vec::new();
+    let mut begin = 0;
+    for end in breaks.iter().copied().chain([f64::INFINITY]) {
+        let stop = begin + times[begin..].partition_point(|t| *t < end);
+        if stop > begin {
+            pieces.push(begin..stop);
+        }
+        begin = stop;
+    }
+    pieces
 }
 
 /// The nodes between two breaks.

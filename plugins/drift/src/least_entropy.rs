@@ -4,10 +4,11 @@ use puncta_sdk::{Failure, Run};
 
 use crate::bins::Bins;
 use crate::cloud::{Cloud, hash};
-use crate::coarse::{self, Pattern};
+use crate::coarse::{self, Coarse, Pattern};
 use crate::curve::Curve;
 use crate::entropy::refine;
-use crate::estimate::{Estimate, Trials, combine, note};
+use crate::estimate::{Estimate, Trials, note};
+use crate::steps::Steps;
 
 /// Most localisations that take part in the refinement: more would change the result by less than
 /// its error.
@@ -65,55 +66,59 @@ pub fn check(cloud: &Cloud) -> Result<(), Failure> {
 ///
 /// # Errors
 /// When the localisations are too few or show no structure that repeats; or cancelled.
-pub fn estimate(cloud: &Cloud, settings: &Settings, run: &dyn Run) -> Result<Estimate, Failure> {
+pub fn estimate(
+    cloud: &Cloud,
+    settings: &Settings,
+    steps: &Steps,
+    run: &dyn Run,
+) -> Result<Estimate, Failure> {
     check(cloud)?;
-    let seed = settings.seed;
+    let mut start = None;
+    let mut estimate = steps.estimate(cloud, run, |breaks| {
+        let (bins, trials, coarse) = trials(cloud, settings, breaks, run)?;
+        start = Some(coarse);
+        Ok((bins, trials))
+    })?;
+    let bins = estimate.curve.times.len() as f64;
+    let meaning = "Bins of time whose drift was estimated";
+    estimate.notes = vec![note("bins", bins, "1", meaning)];
+    if let Some(start) = start {
+        let segments = start.drift.len() as f64;
+        let meaning = "Segments of the coarse start";
+        estimate
+            .notes
+            .push(note("segments", segments, "1", meaning));
+        estimate.notes.extend(start.notes());
+    }
+    estimate.scale_z(cloud.z_scale);
+    Ok(estimate)
+}
+
+/// The drift of bins that end at the breaks, from all localisations and from both halves, and the
+/// coarse start.
+fn trials(
+    cloud: &Cloud,
+    settings: &Settings,
+    breaks: &[f64],
+    run: &dyn Run,
+) -> Result<(Bins, Trials, Coarse), Failure> {
+    let Settings { reach, seed, .. } = *settings;
     run.progress(0.0, "correlating segments")?;
     let segments = settings.segments.min(cloud.len() / 50).max(3);
-    let parts = Bins::equal(cloud, segments);
-    let reach = settings.reach;
+    let parts = Bins::equal(cloud, segments).cut(cloud, breaks);
     let start = coarse::segments(cloud, &parts, reach, Pattern::All, hash(1, seed), run)?;
     let curve = Curve {
         times: parts.centre,
-        values: start.drift,
-        breaks: Vec::new(),
+        values: start.drift.clone(),
+        breaks: breaks.to_vec(),
     };
-    let bins = bins(cloud, settings.bin);
+    let bins = bins(cloud, settings.bin).cut(cloud, breaks);
     run.progress(0.0, "placing bins")?;
-    let drift = coarse::bins(cloud, &bins, &curve, settings.reach, hash(2, seed), run)?;
+    let drift = coarse::bins(cloud, &bins, &curve, reach, hash(2, seed), run)?;
     let refine = |cloud: &Cloud| refine(cloud, &bins.of_frame, &drift, MOST, hash(4, seed), run);
     let cloud = &cloud.thinned(MOST, hash(3, seed));
     let whole = refine(cloud)?;
     let half = |which| refine(&cloud.half(hash(5, seed), which));
     let halves = [half(false)?, half(true)?];
-    let mut estimate = combine(&bins, Trials { whole, halves }, cloud.axes, Vec::new());
-    let [pairs, used] = start.pairs.map(|count| count as f64);
-    estimate.notes = vec![
-        note(
-            "bins",
-            bins.len() as f64,
-            "1",
-            "Bins of time whose drift was estimated",
-        ),
-        note(
-            "segments",
-            segments as f64,
-            "1",
-            "Segments of the coarse start",
-        ),
-        note(
-            "pairs",
-            pairs,
-            "1",
-            "Pairs of segments that were correlated",
-        ),
-        note(
-            "pairs_used",
-            used,
-            "1",
-            "Pairs that showed a peak and agreed with the others",
-        ),
-    ];
-    estimate.scale_z(cloud.z_scale);
-    Ok(estimate)
+    Ok((bins, Trials { whole, halves }, start))
 }

@@ -20,6 +20,7 @@ pub mod operations;
 pub mod pairs;
 pub mod smooth;
 pub mod sort;
+pub mod steps;
 #[cfg(test)]
 mod testing;
 

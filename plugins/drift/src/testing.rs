@@ -68,6 +68,14 @@ impl Sample {
         sample
     }
 
+    /// One of `step` localisations.
+    pub fn thinned(mut self, step: usize) -> Self {
+        for values in [&mut self.x, &mut self.y, &mut self.z, &mut self.t] {
+            *values = values.iter().copied().step_by(step).collect();
+        }
+        self
+    }
+
     /// As a table, with z if `three`.
     pub fn table(&self) -> Table {
         let table = Table::new("locs")
@@ -84,6 +92,13 @@ impl Sample {
 
 /// Largest root mean square error of an axis of the drift table, mean removed, nm.
 pub fn drift_error(done: &Done, sample: &Sample) -> f64 {
+    let (errors, _) = step_errors(done, sample);
+    errors.into_iter().fold(0.0, f64::max)
+}
+
+/// Root mean square error of each axis of the drift table, mean removed, nm; and the times of the
+/// steps in the report.
+pub fn step_errors(done: &Done, sample: &Sample) -> (Vec<f64>, String) {
     let table = done.output("drift").unwrap();
     let times = table.f64("t").unwrap();
     let error = |(axis, name): (usize, &str)| {
@@ -94,10 +109,10 @@ pub fn drift_error(done: &Done, sample: &Sample) -> f64 {
         (miss.iter().map(|m| (m - mean).powi(2)).sum::<f64>() / miss.len() as f64).sqrt()
     };
     let axes = if sample.three { 3 } else { 2 };
-    ["x", "y", "z"]
-        .into_iter()
-        .enumerate()
-        .take(axes)
-        .map(error)
-        .fold(0.0, f64::max)
+    let names = ["x", "y", "z"].into_iter().enumerate().take(axes);
+    let steps = done
+        .reported("step_times")
+        .and_then(|entry| entry["value"].as_str());
+    let steps = steps.unwrap_or_default();
+    (names.map(error).collect(), steps.to_owned())
 }

@@ -82,7 +82,7 @@ impl Operation for Apply {
             error: vec![[0.0; 3]; frames.times.len()],
             at: curve.at(&frames.times, self.interpolation.into()),
         };
-        let report = known(&drift, &frames, locs.axes(), count);
+        let report = known(&drift, &frames, locs.axes(), &curve);
         let caption = format!("Applied drift, {count} samples.");
         finish(job, &locs, &frames, &drift, &report, &caption)
     }

@@ -12,6 +12,7 @@ use crate::correction::{
 };
 use crate::curve::Interpolation;
 use crate::estimate::Estimate;
+use crate::steps::Steps;
 use crate::{correlation, least_entropy};
 
 /// Corrects the drift by the method with the smallest error from split halves.
@@ -26,6 +27,8 @@ pub struct Auto {
     /// Localisation precision where the table has no error_x.
     #[param(default = 10, min = 0.1, max = 1000, unit = "nm")]
     precision: f64,
+    #[param(flatten)]
+    steps: Steps,
     /// Largest error from split halves that is accepted.
     #[param(default = 20, min = 0, max = 1e6, unit = "nm", advanced)]
     max_error: f64,
@@ -53,7 +56,7 @@ impl Auto {
             bin: None,
             seed,
         };
-        let first = least_entropy::estimate(cloud, &settings, run);
+        let first = least_entropy::estimate(cloud, &settings, &self.steps, run);
         let good = first
             .as_ref()
             .is_ok_and(|found| found.worst() <= GOOD * cloud.sigma);
@@ -66,7 +69,7 @@ impl Auto {
                 interpolation: Interpolation::Spline,
                 seed,
             };
-            let second = correlation::estimate(cloud, &settings, run);
+            let second = correlation::estimate(cloud, &settings, &self.steps, run);
             trials.push(("redundant cross-correlation", second));
         }
         if run.cancelled() {
@@ -168,7 +171,7 @@ puncta_sdk::register!(Auto);
 mod tests {
     use super::*;
     use crate::testing::{Sample, drift_error};
-    use puncta_testkit::{Call, Done};
+    use puncta_testkit::{Call, Done, Table};
 
     fn run(sample: &Sample) -> Done {
         Call::of::<Auto>()
@@ -222,6 +225,66 @@ mod tests {
         let (tx, ty) = drift(&turned);
         let minus: Vec<f64> = y.iter().map(|y| -y).collect();
         assert!(near(&tx, &minus, 3.0) && near(&ty, &x, 3.0));
+    }
+
+    #[test]
+    fn tripled_and_doubled_tables_have_the_drift_that_follows() {
+        let sample = Sample::new(22);
+        let drift = |done: &Done| {
+            let table = done.output("drift").unwrap();
+            ["x", "y"].map(|name| table.f64(name).unwrap())
+        };
+        let one = drift(&run(&sample));
+        let near = |found: &[Vec<f64>; 2], factor: f64, most: f64| {
+            let miss = |(a, b): (&f64, &f64)| (a - factor * b).abs();
+            let pairs = found.iter().zip(&one);
+            let worst = pairs.flat_map(|(a, b)| a.iter().zip(b).map(miss));
+            assert!(worst.fold(0.0, f64::max) < most);
+        };
+        let mut tripled = sample.clone();
+        for values in [&mut tripled.x, &mut tripled.y] {
+            values.iter_mut().for_each(|v| *v *= 3.0);
+        }
+        let call = Call::of::<Auto>().input("table", tripled.table());
+        let three = drift(&call.set("precision", 30).run().unwrap());
+        near(&three, 3.0, 3.0);
+        // The same again a millimetre away: the halves differ, and with them the smoothing.
+        let mut doubled = sample.clone();
+        for (values, shift) in [
+            (&mut doubled.x, 1e6),
+            (&mut doubled.y, 0.0),
+            (&mut doubled.t, 0.0),
+        ] {
+            let copy: Vec<f64> = values.iter().map(|v| v + shift).collect();
+            values.extend(copy);
+        }
+        near(&drift(&run(&doubled)), 1.0, 1.5);
+    }
+
+    #[test]
+    fn equal_rows_and_a_single_place_have_a_defined_result() {
+        let table = |t: &[f64]| {
+            let place = vec![5.0; t.len()];
+            Table::new("locs")
+                .f64("x", "nm", &place)
+                .f64("y", "nm", &place)
+                .f64("t", "frame", t)
+        };
+        let call = |t: &[f64]| Call::of::<Auto>().input("table", table(t)).run();
+        let refused = call(&[3.0; 500]).unwrap_err().to_string();
+        assert!(refused.contains("too few"), "{refused}");
+        let times: Vec<f64> = (0..1000).map(f64::from).collect();
+        let done = call(&times).unwrap();
+        let moved = done.output("table").unwrap().f64("x").unwrap();
+        assert!(moved.iter().all(|x| (x - 5.0).abs() < 1e-6));
+        let no_time = Table::new("locs")
+            .f64("x", "nm", &[1.0])
+            .f64("y", "nm", &[1.0]);
+        let missing = Call::of::<Auto>()
+            .input("table", no_time)
+            .run()
+            .unwrap_err();
+        assert!(missing.to_string().contains('t'), "{missing}");
     }
 
     #[test]

@@ -7,6 +7,7 @@ use super::Between;
 use crate::coarse::Pattern;
 use crate::correction::{Axes, Drift, Localisations, Reference, finish, report, trust};
 use crate::correlation::{Settings, estimate};
+use crate::steps::Steps;
 
 /// Their parameters.
 #[derive(Params)]
@@ -17,7 +18,7 @@ pub struct Correlated {
     /// When the drift is zero.
     #[param(default = Reference::First)]
     reference: Reference,
-    /// Duration of a segment, in the unit of t; 20 equal ones if left out.
+    /// Duration of a segment, in the unit of t; 4 to 20 equal ones if left out, the more the more localisations there are.
     #[param(min = 1e-9, max = 1e12)]
     segment: Option<f64>,
     /// Between the middles of the segments.
@@ -29,6 +30,8 @@ pub struct Correlated {
     /// Localisation precision where the table has no error_x; cells of the correlation are twice it.
     #[param(default = 10, min = 0.1, max = 1000, unit = "nm")]
     precision: f64,
+    #[param(flatten)]
+    steps: Steps,
     /// Largest error from split halves that is accepted.
     #[param(default = 20, min = 0, max = 1e6, unit = "nm", advanced)]
     max_error: f64,
@@ -53,7 +56,7 @@ impl Correlated {
             interpolation: self.interpolation.into(),
             seed: self.seed.0,
         };
-        let estimate = estimate(&cloud, &settings, job)?;
+        let estimate = estimate(&cloud, &settings, &self.steps, job)?;
         trust(&estimate, self.max_error)?;
         let drift = Drift::of(&estimate, &frames, self.reference);
         let report = report(&estimate, &drift, &frames, locs.axes());

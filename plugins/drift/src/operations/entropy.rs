@@ -8,6 +8,7 @@ use crate::correction::{
     Axes, Drift, Localisations, Reference, finish, input, outputs, plan, report, trust,
 };
 use crate::least_entropy::{Settings, estimate};
+use crate::steps::Steps;
 
 /// Corrects the drift by the least entropy of the localisations.
 #[derive(Params)]
@@ -30,6 +31,8 @@ pub struct Entropy {
     /// Localisation precision where the table has no error_x.
     #[param(default = 10, min = 0.1, max = 1000, unit = "nm")]
     precision: f64,
+    #[param(flatten)]
+    steps: Steps,
     /// Largest error from split halves that is accepted.
     #[param(default = 20, min = 0, max = 1e6, unit = "nm", advanced)]
     max_error: f64,
@@ -73,7 +76,7 @@ impl Operation for Entropy {
             bin: self.bin,
             seed: self.seed.0,
         };
-        let estimate = estimate(&cloud, &settings, job)?;
+        let estimate = estimate(&cloud, &settings, &self.steps, job)?;
         trust(&estimate, self.max_error)?;
         let drift = Drift::of(&estimate, &frames, self.reference);
         let report = report(&estimate, &drift, &frames, locs.axes());

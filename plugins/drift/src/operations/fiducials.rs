@@ -12,8 +12,9 @@ use crate::cloud::Frames;
 use crate::correction::{
     Axes, Drift, Localisations, Reference, finish, input, known, outputs, plan,
 };
-use crate::curve::Curve;
+use crate::curve::{Curve, pieces};
 use crate::estimate::Estimate;
+use crate::steps::{Steps, sudden};
 
 /// Corrects the drift by fiducial markers.
 #[derive(Params)]
@@ -42,7 +43,12 @@ pub struct Fiducials {
     /// Between the times at which a marker was seen.
     #[param(default = Between::Linear)]
     interpolation: Between,
+    #[param(flatten)]
+    steps: Steps,
 }
+
+/// Times on each side that are looked at for a step.
+const STEP: usize = 10;
 
 impl Fiducials {
     fn traces(
@@ -61,24 +67,36 @@ impl Fiducials {
         Ok((frames, traces))
     }
 
-    /// The smoothed drift.
-    fn estimate(&self, frames: &Frames, found: &Shared) -> Estimate {
+    /// The drift, smoothed between steps.
+    fn estimate(&self, frames: &Frames, found: &Shared) -> Result<Estimate, Failure> {
         let times: Vec<f64> = found
             .frames
             .iter()
             .map(|f| frames.times[*f as usize])
             .collect();
-        let (values, variance) = smooth(&times, &found.drift, &found.variance, self.smoothing);
-        Estimate {
+        let mut breaks = self.steps.known()?;
+        if self.steps.find_breaks {
+            breaks.extend(sudden(&times, &found.drift, STEP, 0.0));
+            breaks.sort_unstable_by(f64::total_cmp);
+            breaks.dedup();
+        }
+        let (mut values, mut error) = (Vec::new(), Vec::new());
+        for piece in pieces(&times, &breaks) {
+            let (drift, variance) = (&found.drift[piece.clone()], &found.variance[piece.clone()]);
+            let (smoothed, variance) = smooth(&times[piece], drift, variance, self.smoothing);
+            values.extend(smoothed);
+            error.extend(variance.iter().map(|v| v.map(f64::sqrt)));
+        }
+        Ok(Estimate {
             curve: Curve {
                 times,
                 values,
-                breaks: Vec::new(),
+                breaks,
             },
-            error: variance.iter().map(|v| v.map(f64::sqrt)).collect(),
+            error,
             interpolation: self.interpolation.into(),
             ..Estimate::default()
-        }
+        })
     }
 }
 
@@ -204,10 +222,10 @@ impl Operation for Fiducials {
         }
         let (seen, traces) = self.traces(markers, job)?;
         let found = shared(&traces, locs.axes(), job)?;
-        let estimate = self.estimate(&seen, &found);
+        let estimate = self.estimate(&seen, &found)?;
         let frames = locs.frames(job)?;
         let drift = Drift::of(&estimate, &frames, self.reference);
-        let mut report = known(&drift, &frames, locs.axes(), estimate.curve.times.len());
+        let mut report = known(&drift, &frames, locs.axes(), &estimate.curve);
         let used = found.used.iter().filter(|used| **used).count();
         report.number("fiducials", used as f64, "1").description =
             Some("Markers whose traces were used".into());
@@ -241,12 +259,11 @@ puncta_sdk::register!(Fiducials);
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{Sample, drift_error, normal};
+    use crate::testing::{Sample, drift_error, normal, step_errors};
     use puncta_testkit::{Call, Table};
 
-    #[test]
-    fn markers_of_a_second_table_correct_the_first() {
-        let sample = Sample::new(4);
+    /// Four markers that follow the sample.
+    fn markers(sample: &Sample) -> Table {
         let (mut x, mut y, mut t) = (vec![], vec![], vec![]);
         for (frame, d) in sample.truth.iter().enumerate() {
             for bead in 0..4 {
@@ -256,10 +273,38 @@ mod tests {
                 t.push(frame as f64);
             }
         }
-        let markers = Table::new("markers")
+        Table::new("markers")
             .f64("x", "nm", &x)
             .f64("y", "nm", &y)
-            .f64("t", "frame", &t);
+            .f64("t", "frame", &t)
+    }
+
+    #[test]
+    fn a_step_is_not_smoothed() {
+        for seed in 0..5 {
+            let step = |t: f64| if t < 437.0 { 0.0 } else { 40.0 };
+            let smooth = |t: f64| [0.1 * t, 20.0 * (t / 150.0).sin(), 0.0];
+            let stepped = |t: f64| [smooth(t)[0] + step(t), smooth(t)[1] - 0.5 * step(t), 0.0];
+            let errors = |sample: &Sample| {
+                let call = Call::of::<Fiducials>().input("table", sample.table());
+                step_errors(
+                    &call.input("markers", markers(sample)).run().unwrap(),
+                    sample,
+                )
+            };
+            let (without, none) = errors(&Sample::with(seed, smooth));
+            let (with, found) = errors(&Sample::with(seed, stepped));
+            assert_eq!((none.as_str(), found.as_str()), ("", "437"));
+            for (without, with) in without.iter().zip(&with) {
+                assert!(*with < 1.1 * without + 0.05, "{without} {with}");
+            }
+        }
+    }
+
+    #[test]
+    fn markers_of_a_second_table_correct_the_first() {
+        let sample = Sample::new(4);
+        let markers = markers(&sample);
         let call = Call::of::<Fiducials>().input("table", sample.table());
         let done = call.input("markers", markers).run().unwrap();
         assert!(drift_error(&done, &sample) < 0.6);

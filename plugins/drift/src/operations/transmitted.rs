@@ -84,7 +84,7 @@ impl Operation for Transmitted {
             ..Estimate::default()
         };
         let drift = Drift::of(&estimate, &frames, self.reference);
-        let report = known(&drift, &frames, locs.axes(), count);
+        let report = known(&drift, &frames, locs.axes(), &estimate.curve);
         let caption = format!("Recorded drift, {count} samples.");
         finish(job, &locs, &frames, &drift, &report, &caption)
     }
