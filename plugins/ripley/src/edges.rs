@@ -1,6 +1,7 @@
 //! Corrections for what lies beyond the boundary, as sums of weights in each bin.
 
 use crate::bins::Bins;
+use crate::overlap::Overlap;
 use crate::pairs::{one_place, pairs_among, reach};
 use crate::window::{Rim, Window};
 use puncta_sdk::Cancelled;
@@ -157,21 +158,20 @@ fn beyond<const D: usize>(
     }
 }
 
-/// Translation correction for a rectangle or box: the sum over pairs in each bin of the volume over
-/// that of the part that the region and its copy, moved by the pair's difference, share.
+/// Translation correction: the sum over pairs in each bin of the volume over that of the part that the
+/// region and its copy, moved by the pair's difference, share.
 ///
 /// # Errors
 /// When cancelled.
 pub fn translation<const D: usize>(
     source: &Grid<D>,
     target: Option<&Grid<D>>,
-    sides: &[f64; D],
+    overlap: &Overlap<D>,
     bins: &Bins,
     run: &dyn Run,
 ) -> Result<Vec<f64>, Cancelled> {
     let totals = Totals::new(bins.len());
     let other = target.unwrap_or(source);
-    let inverse = sides.map(|side| 1.0 / side);
     source.map_blocks(run, |block| {
         let mut sums = vec![0.0; bins.len()];
         let (mut slices, mut work) = (Vec::new(), 0);
@@ -200,7 +200,7 @@ pub fn translation<const D: usize>(
                     };
                     if begin < slice.end {
                         let later = begin..slice.end;
-                        shared(other, &source.point(i), later, &inverse, bins, &mut sums);
+                        shared(other, &source.point(i), later, overlap, bins, &mut sums);
                     }
                 }
             }
@@ -210,29 +210,45 @@ pub fn translation<const D: usize>(
     Ok(totals.take())
 }
 
-#[inline]
-#[allow(clippy::needless_range_loop)]
 fn shared<const D: usize>(
     target: &Grid<D>,
     point: &[f64; D],
     slice: Range<usize>,
-    inverse: &[f64; D],
+    overlap: &Overlap<D>,
     bins: &Bins,
     sums: &mut [f64],
+) {
+    // A loop of its own for the sides of a rectangle, whose weight costs next to nothing.
+    match overlap {
+        Overlap::Sides(inverse) => weigh(target, point, slice, bins, sums, |difference| {
+            let side = |(d, inverse): (&f64, &f64)| 1.0 - d.abs() * inverse;
+            difference.iter().zip(inverse).map(side).product()
+        }),
+        Overlap::Lattice { .. } => weigh(target, point, slice, bins, sums, |difference| {
+            overlap.share(difference).max(1.0 / MAX_WEIGHT)
+        }),
+    }
+}
+
+#[inline]
+#[allow(clippy::needless_range_loop)]
+fn weigh<const D: usize>(
+    target: &Grid<D>,
+    point: &[f64; D],
+    slice: Range<usize>,
+    bins: &Bins,
+    sums: &mut [f64],
+    share: impl Fn(&[f64; D]) -> f64,
 ) {
     let axes: [&[f64]; D] =
         std::array::from_fn(|a| target.axis(a).get(slice.clone()).unwrap_or_default());
     for k in 0..slice.len() {
-        let (mut squared, mut share) = (0.0, 1.0);
-        for a in 0..D {
-            let difference = axes[a][k] - point[a];
-            squared += difference * difference;
-            share *= 1.0 - difference.abs() * inverse[a];
-        }
+        let difference: [f64; D] = std::array::from_fn(|a| axes[a][k] - point[a]);
+        let squared = difference.iter().map(|d| d * d).sum();
         if squared <= bins.limit()
             && let Some(sum) = sums.get_mut(bins.bin(squared))
         {
-            *sum += 1.0 / share;
+            *sum += 1.0 / share(&difference);
         }
     }
 }

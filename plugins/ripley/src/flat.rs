@@ -6,7 +6,10 @@
 //! circle meets is exact for any shape, with holes and several parts.
 
 use crate::bands::Bands;
+use crate::overlap::Overlap;
 use crate::window::{NearEdge, Random, Rim, Window};
+use puncta_sdk::Failure;
+use puncta_sdk::run::Run;
 use std::f64::consts::TAU;
 
 /// A directed edge.
@@ -110,6 +113,10 @@ impl Window<2> for Flat {
     fn sides(&self) -> Option<[f64; 2]> {
         matches!(self.inside, Inside::Rectangle)
             .then(|| std::array::from_fn(|a| self.high[a] - self.low[a]))
+    }
+
+    fn overlap(&self, reach: f64, run: &dyn Run) -> Result<Overlap<2>, Failure> {
+        crate::overlap::flat(self, reach, run)
     }
 
     fn pieces(&self, low: &[f64; 2], high: &[f64; 2], reach: f64) -> Vec<u32> {

@@ -10,11 +10,13 @@ pub mod op_density;
 pub mod op_k;
 pub mod op_nearest;
 pub mod op_pairs;
+pub mod overlap;
 pub mod pairs;
 pub mod place;
 pub mod polygon;
 pub mod ripley;
 pub mod simulate;
+pub mod solid;
 pub mod study;
 #[cfg(test)]
 mod testing;

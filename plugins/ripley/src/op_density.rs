@@ -189,6 +189,55 @@ mod tests {
     }
 
     #[test]
+    fn changes_that_do_not_matter_change_nothing() {
+        let points = crate::pairs::tests::points(1500, 100.0, 0.5, 6);
+        let run = |at: &[Vec<f64>; 3], radius: f64| {
+            let [x, y, z] = at;
+            let table = Table::new("localisations")
+                .f64("x", "nm", x)
+                .f64("y", "nm", y);
+            let call = Call::of::<Density>().input("table", table.f64("z", "nm", z));
+            let call = call.set("radius", radius).set("k", 3).set("z", "z");
+            let done = call.run().expect("valid");
+            let out = done.output("table").expect("finished");
+            let counts = out.u32("neighbours").expect("there");
+            (counts, out.f64("nn_distance").expect("there"))
+        };
+        let (counts, distances) = run(&points, 8.0);
+        let same = |found: (Vec<u32>, Vec<f64>), factor: f64| {
+            assert_eq!(found.0[..1500], counts);
+            let pairs = found.1.iter().zip(&distances);
+            assert!(
+                pairs
+                    .into_iter()
+                    .all(|(a, b)| (a - factor * b).abs() < 1e-6 * factor)
+            );
+        };
+        let changed = |change: &dyn Fn(f64) -> f64| {
+            points
+                .each_ref()
+                .map(|axis| axis.iter().map(|x| change(*x)).collect::<Vec<f64>>())
+        };
+        same(run(&changed(&|x| 3.0 * x), 24.0), 3.0);
+        same(run(&changed(&|x| x + 1e7), 8.0), 1.0);
+        let [x, y, z] = points.clone();
+        same(run(&[y.iter().map(|y| -y).collect(), x, z], 8.0), 1.0);
+        let mut doubled = points.clone();
+        for axis in &mut doubled {
+            let copy: Vec<f64> = axis.iter().map(|x| x + 1e6).collect();
+            axis.extend(copy);
+        }
+        same(run(&doubled, 8.0), 1.0);
+        let (mut backward, mut back) = run(
+            &points.each_ref().map(|a| a.iter().rev().copied().collect()),
+            8.0,
+        );
+        backward.reverse();
+        back.reverse();
+        same((backward, back), 1.0);
+    }
+
+    #[test]
     fn crowds_are_counted_as_one_by_one() {
         use puncta_testkit::Threads;
         let [mut x, mut y, mut z] = crate::pairs::tests::points(4000, 100.0, 0.5, 2);

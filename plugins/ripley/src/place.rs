@@ -1,7 +1,8 @@
 //! What the operations on localisations of a region share: parameters, inputs, and how they begin.
 
 use crate::study::{
-    Bounds, Members, Region, cuboid, extent, flat, members, others, plan_region, points, tell,
+    Bounds, Members, Region, cuboid, extent, flat, members, others, plan_region, points, solid,
+    tell,
 };
 use crate::window::Window;
 use puncta_sdk::operation::default_plan;
@@ -99,6 +100,9 @@ pub trait Study {
     fn run_in_region(&self, job: &Job) -> Result<(), Failure> {
         let place = self.place();
         if place.z.is_some() {
+            if let Some(region) = solid(job)? {
+                return self.study::<3>(job, &region);
+            }
             let data = points::<3>(job, "table", place.z.as_ref())?;
             let region = cuboid(&place.bounds(), || extent(&data, job))?;
             self.study::<3>(job, &region)
@@ -126,5 +130,5 @@ pub fn region(info: Info) -> Info {
     let corners = corners.optional();
     let mask = Ports::image("mask").optional();
     info.input(corners.description("Corners of the region in order"))
-        .input(mask.description("Pixels above 0.5 are the region"))
+        .input(mask.description("Pixels (with z: voxels) above 0.5 are the region"))
 }

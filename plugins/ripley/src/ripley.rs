@@ -20,7 +20,7 @@ pub enum Edges {
     None,
     /// Ripley's isotropic correction, exact for rectangles, polygons, masks and boxes.
     Isotropic,
-    /// The translation correction, for rectangles and boxes.
+    /// The translation correction, for every region.
     Translation,
 }
 
@@ -60,7 +60,8 @@ impl<const D: usize> Sets<'_, D> {
 /// What each bin adds to K, nm^2 or nm^3. NaN without pairs.
 ///
 /// # Errors
-/// When cancelled, or the translation correction is asked of a region that is no rectangle or box.
+/// When cancelled, when the isotropic correction is asked of a mask in space, or when the radius spans
+/// too many pixels for the translation correction.
 pub fn rings<const D: usize>(
     sets: &Sets<D>,
     window: &dyn Window<D>,
@@ -82,6 +83,11 @@ pub fn rings<const D: usize>(
     };
     let sums: Vec<f64> = match edges {
         Edges::None => counts()?,
+        Edges::Isotropic if !window.isotropic() => {
+            let message = "the share of spheres in a mask in space is not known";
+            let failure = Failure::bad_parameter("edges", message);
+            return Err(failure.remedy("use the translation correction"));
+        }
         Edges::Isotropic => {
             let extra = isotropic(&source, target, window, bins, run)?;
             counts()?
@@ -91,11 +97,8 @@ pub fn rings<const D: usize>(
                 .collect()
         }
         Edges::Translation => {
-            let sides = window.sides().ok_or_else(|| {
-                let message = "the translation correction needs a rectangle or a box";
-                Failure::bad_parameter("edges", message).remedy("use the isotropic correction")
-            })?;
-            let sums = translation(&source, target, &sides, bins, run)?;
+            let overlap = window.overlap(bins.radius(), run)?;
+            let sums = translation(&source, target, &overlap, bins, run)?;
             sums.iter().map(|sum| both * sum).collect()
         }
     };

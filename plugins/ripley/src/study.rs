@@ -3,7 +3,9 @@
 use crate::bins::Bins;
 use crate::flat::Flat;
 use crate::polygon::{mask, polygon};
+use crate::solid::Solid;
 use crate::window::{Cuboid, Window};
+use puncta_sdk::ImageInfo;
 use puncta_sdk::documents::Read;
 use puncta_sdk::job::Job;
 use puncta_sdk::prelude::*;
@@ -66,7 +68,7 @@ pub fn bins(step: f64, radius: f64, make: fn(f64, usize) -> Bins) -> Result<Bins
 /// Adds the mask's pixels to what is read, and refuses flat regions of points in space.
 ///
 /// # Errors
-/// When a flat region is bound and z is used, or bounds and a region are given.
+/// When an outline is bound and z is used, or bounds and a region are given.
 pub fn plan_region(
     plan: &mut Plan,
     request: &Request,
@@ -87,9 +89,13 @@ pub fn plan_region(
             columns: vec!["value".into()],
         });
     }
-    if (outline.is_some() || image.is_some()) && (z || bounds.given()) {
-        let message = "an outline or a mask is a region of the plane by itself";
-        return Err(Failure::bad_input(message).remedy("leave out z and the bounds"));
+    if (outline.is_some() || image.is_some()) && bounds.given() {
+        let message = "an outline or a mask is a region by itself";
+        return Err(Failure::bad_input(message).remedy("leave out the bounds"));
+    }
+    if outline.is_some() && z {
+        let message = "an outline is a region of the plane";
+        return Err(Failure::bad_input(message).remedy("leave out z, or give a mask in space"));
     }
     Ok(())
 }
@@ -213,11 +219,9 @@ pub fn flat(
             origin: "outline",
         });
     }
-    if let Some(image) = job.inputs("mask").next() {
-        let info = image.header().image.as_ref();
-        let info = info.ok_or_else(|| Failure::bad_input("the mask is not an image"))?;
+    if let Some(window) = masked(job, mask)? {
         return Ok(Region {
-            window: mask(info, &image.f64("value")?)?,
+            window,
             origin: "mask",
         });
     }
@@ -226,6 +230,31 @@ pub fn flat(
         window: Flat::rectangle([x[0], y[0]], [x[1], y[1]]),
         origin: origin(bounds, 2),
     })
+}
+
+/// The region of a mask in space, if one is bound.
+///
+/// # Errors
+/// When the mask is no volume, or has no voxel above 0.5.
+pub fn solid(job: &Job) -> Result<Option<Region<Solid>>, Failure> {
+    let window = masked(job, Solid::new)?;
+    Ok(window.map(|window| Region {
+        window,
+        origin: "mask",
+    }))
+}
+
+/// What the mask is, if one is bound.
+fn masked<W>(
+    job: &Job,
+    region: impl Fn(&ImageInfo, &[f64]) -> Result<W, Failure>,
+) -> Result<Option<W>, Failure> {
+    let Some(image) = job.inputs("mask").next() else {
+        return Ok(None);
+    };
+    let info = image.header().image.as_ref();
+    let info = info.ok_or_else(|| Failure::bad_input("the mask is not an image"))?;
+    region(info, &image.f64("value")?).map(Some)
 }
 
 /// The region of space: given bounds or the bounding box.

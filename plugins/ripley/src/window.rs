@@ -1,5 +1,8 @@
 //! The region that is studied: what an estimator needs to know of it.
 
+use crate::overlap::Overlap;
+use puncta_sdk::Failure;
+use puncta_sdk::run::Run;
 use rand_chacha::rand_core::Rng;
 
 /// The region in which points could have been seen.
@@ -15,6 +18,17 @@ pub trait Window<const D: usize>: Sync {
 
     /// Lengths of its sides if it is a rectangle or a box.
     fn sides(&self) -> Option<[f64; D]>;
+
+    /// How much of the region lies in its copy moved by differences of up to `reach` nm.
+    ///
+    /// # Errors
+    /// When there would be too many differences, or when cancelled.
+    fn overlap(&self, reach: f64, run: &dyn Run) -> Result<Overlap<D>, Failure>;
+
+    /// Whether [`Window::share`] knows the share of circles (spheres).
+    fn isotropic(&self) -> bool {
+        true
+    }
 
     /// Pieces of the boundary that may lie within `reach` of points of a box.
     fn pieces(&self, low: &[f64; D], high: &[f64; D], reach: f64) -> Vec<u32>;
@@ -111,6 +125,11 @@ impl Window<3> for Cuboid {
 
     fn sides(&self) -> Option<[f64; 3]> {
         Some(std::array::from_fn(|a| self.high[a] - self.low[a]))
+    }
+
+    fn overlap(&self, _reach: f64, _run: &dyn Run) -> Result<Overlap<3>, Failure> {
+        let side = |a: usize| 1.0 / (self.high[a] - self.low[a]);
+        Ok(Overlap::Sides(std::array::from_fn(side)))
     }
 
     fn pieces(&self, low: &[f64; 3], high: &[f64; 3], reach: f64) -> Vec<u32> {

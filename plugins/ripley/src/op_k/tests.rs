@@ -156,7 +156,7 @@ fn what_cannot_be_studied_is_said() {
     );
     say(
         call(&x, &y).input("outline", bow).set("x_min", 1),
-        "leave out z and the bounds",
+        "leave out the bounds",
     );
     say(
         call(&x, &y).set("r_max", 2000).set("edges", "translation"),
@@ -201,4 +201,49 @@ fn all_rows_equal_in_a_region_are_one_place() {
         .set("y_max", 10);
     let done = call.set("r_max", 4).set("step", 1).run().expect("defined");
     assert_eq!(curve(&done, "k"), [100.0; 4]);
+}
+
+#[test]
+fn a_mask_in_space_is_a_region() {
+    use puncta_sdk::ImageInfo;
+    use puncta_testkit::Random;
+    // Half a box of 1000 x 1000 x 500 nm, with points in all of it.
+    let mut info = ImageInfo::plane(20, 20, 50.0, 0.0, 0.0);
+    (info.size[2], info.voxel[0]) = (5, 100.0);
+    let values: Vec<f32> = (0..2000)
+        .map(|i| if i % 20 < 10 { 1.0 } else { 0.0 })
+        .collect();
+    let mask = puncta_testkit::Object::image("mask", info, &values);
+    let mut random = Random(3);
+    let mut axis = |side: f64| {
+        (0..8000)
+            .map(|_| side * random.unit())
+            .collect::<Vec<f64>>()
+    };
+    let (x, y, z) = (axis(1000.0), axis(1000.0), axis(500.0));
+    let inside = x.iter().filter(|x| **x < 500.0).count() as f64;
+    let locs = table(&x, &y).f64("z", "nm", &z);
+    let call = |edges: &str| {
+        let call = Call::of::<Ripley>().input("table", locs.clone());
+        let call = call.input("mask", mask.clone()).set("z", "z");
+        call.set("edges", edges).set("r_max", 150).set("step", 15)
+    };
+    let done = call("translation").run().expect("valid");
+    assert_eq!(done.value("localisations"), Some(inside));
+    let curve = done.output("curve").expect("finished");
+    let (r, h) = (
+        curve.f64("r").expect("there"),
+        curve.f64("h").expect("there"),
+    );
+    let worst = r.iter().zip(&h).skip(1).map(|(r, h)| (h / r).abs());
+    assert!(worst.fold(0.0, f64::max) < 0.02);
+    let refused = call("isotropic").run().expect_err("refused");
+    assert_eq!(refused.parameter.as_deref(), Some("edges"));
+    let outline = table(&[0.0, 9.0, 9.0], &[0.0, 0.0, 9.0]);
+    let both = Call::of::<Ripley>().input("table", locs).set("z", "z");
+    let refused = both.input("outline", outline).run().expect_err("refused");
+    assert!(
+        refused.to_string().contains("region of the plane"),
+        "{refused}"
+    );
 }

@@ -3,6 +3,7 @@ use crate::flat::Flat;
 use crate::flat::tests::letter;
 use crate::polygon::mask;
 use crate::simulate::{stream, uniform};
+use crate::solid::Solid;
 use crate::window::{Cuboid, Random};
 use puncta_sdk::ImageInfo;
 use puncta_testkit::Threads;
@@ -60,6 +61,34 @@ fn ell_mask() -> Flat {
     mask(&info, &(0..1600).map(pixel).collect::<Vec<f64>>()).expect("valid")
 }
 
+/// An L, 500 nm thick.
+fn ell_solid() -> Solid {
+    let mut info = ImageInfo::plane(20, 20, 50.0, 1e4, -300.0);
+    (info.size[2], info.voxel[0], info.origin[0]) = (5, 100.0, 50.0);
+    let pixel = |i: usize| {
+        if i % 20 < 10 || i / 20 % 20 < 10 {
+            1.0
+        } else {
+            0.0
+        }
+    };
+    Solid::new(&info, &(0..2000).map(pixel).collect::<Vec<f64>>()).expect("valid")
+}
+
+#[test]
+fn a_mask_in_space_has_no_isotropic_correction() {
+    let solid = ell_solid();
+    let points = uniform(&solid, 500, &mut stream(4, 0));
+    let sets = Sets {
+        one: points.each_ref().map(Vec::as_slice),
+        two: None,
+    };
+    let bins = Bins::up_to(10.0, 10);
+    let refused = rings(&sets, &solid, Edges::Isotropic, &bins, &Threads(1)).unwrap_err();
+    assert_eq!(refused.parameter.as_deref(), Some("edges"));
+    assert!(refused.to_string().contains("translation"));
+}
+
 #[test]
 fn complete_spatial_randomness_has_no_structure() {
     let plane = Flat::rectangle([100.0, -50.0], [2100.0, 950.0]);
@@ -67,7 +96,10 @@ fn complete_spatial_randomness_has_no_structure() {
     is_random(&plane, 1000.0, 20_000, Edges::Translation);
     is_random(&letter(0.0), 450.0, 20_000, Edges::Isotropic);
     is_random(&letter(1e7), 450.0, 20_000, Edges::Isotropic);
+    is_random(&letter(1e7), 450.0, 20_000, Edges::Translation);
     is_random(&ell_mask(), 500.0, 20_000, Edges::Isotropic);
+    is_random(&ell_mask(), 500.0, 20_000, Edges::Translation);
+    is_random(&ell_solid(), 500.0, 12_000, Edges::Translation);
     let cube = Cuboid {
         low: [0.0, 10.0, -400.0],
         high: [1000.0, 1210.0, 400.0],
@@ -88,11 +120,13 @@ fn a_region_means_the_same_however_it_is_given() {
     let points = uniform(&plane, 2000, &mut stream(4, 0));
     let axes = points.each_ref().map(Vec::as_slice);
     let bins = Bins::up_to(20.0, 20);
-    let expected = curves(axes, &plane, Edges::Isotropic, &bins);
-    for region in regions {
-        let found = curves(axes, &region, Edges::Isotropic, &bins);
-        for (found, expected) in found.k.iter().zip(&expected.k) {
-            assert!((found / expected - 1.0).abs() < 1e-10, "{found} {expected}");
+    for edges in [Edges::Isotropic, Edges::Translation] {
+        let expected = curves(axes, &plane, edges, &bins);
+        for region in &regions {
+            let found = curves(axes, region, edges, &bins);
+            for (found, expected) in found.k.iter().zip(&expected.k) {
+                assert!((found / expected - 1.0).abs() < 1e-10, "{found} {expected}");
+            }
         }
     }
 }
