@@ -70,6 +70,25 @@ pub fn shared_data() -> Option<PathBuf> {
     folder.is_dir().then_some(folder)
 }
 
+/// The lists of expected values name their files by SHA-256, which the system's own program computes.
+#[must_use]
+pub fn sha256(bytes: &[u8]) -> String {
+    use std::io::Write;
+    use std::process::Stdio;
+    let mut child = Command::new("sha256sum")
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect("sha256sum is installed");
+    child.stdin.take().unwrap().write_all(bytes).unwrap();
+    let output = child.wait_with_output().unwrap();
+    String::from_utf8_lossy(&output.stdout)
+        .split_whitespace()
+        .next()
+        .unwrap_or("")
+        .to_owned()
+}
+
 /// A bundle as `cargo xtask build` lays it: the program, and plugins packed from libraries of the
 /// build, which the bundle lists. It has a configuration folder of its own, empty at first.
 pub struct Bundle {

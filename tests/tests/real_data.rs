@@ -5,7 +5,7 @@
 use puncta_engine::documents::{ColumnInfo, Element, Map, units};
 use puncta_engine::store::ColumnData;
 use puncta_engine::{Isolation, Object};
-use puncta_tests::{Bundle, root, shared_data, unwatched};
+use puncta_tests::{Bundle, root, sha256, shared_data, unwatched};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 
@@ -48,24 +48,6 @@ fn compare(list: &str, packages: &[&str], options: &dyn Fn(&str) -> Map) -> usiz
         problems.join("\n")
     );
     compared
-}
-
-/// The list names its files by SHA-256, which the system's own program computes.
-fn sha256(bytes: &[u8]) -> String {
-    use std::io::Write;
-    use std::process::{Command, Stdio};
-    let mut child = Command::new("sha256sum")
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .spawn()
-        .expect("sha256sum is installed");
-    child.stdin.take().unwrap().write_all(bytes).unwrap();
-    let output = child.wait_with_output().unwrap();
-    String::from_utf8_lossy(&output.stdout)
-        .split_whitespace()
-        .next()
-        .unwrap_or("")
-        .to_owned()
 }
 
 fn check_object(file: &str, expected: &Value, ours: &Object, problems: &mut Vec<String>) {
