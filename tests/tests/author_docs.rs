@@ -101,7 +101,10 @@ fn same(name: &str, text: &str) {
 fn the_checks_are_listed() {
     let output = Command::new(program())
         .args(["plugins", "check", "--list", "--json"])
-        .env("PUNCTA_CONFIG", std::env::temp_dir().join("puncta-no-config"))
+        .env(
+            "PUNCTA_CONFIG",
+            std::env::temp_dir().join("puncta-no-config"),
+        )
         .output()
         .unwrap();
     let list: Value = serde_json::from_slice(&output.stdout).unwrap();
@@ -158,7 +161,8 @@ fn items(text: &str) -> Vec<Item> {
         // Variants and methods of traits are public without the word.
         let kind = public.filter(|rest| {
             let word = rest.split([' ', '(']).next().unwrap_or("");
-            matches!(word, "fn" | "struct" | "enum" | "trait" | "const" | "type") || rest.contains(": ")
+            matches!(word, "fn" | "struct" | "enum" | "trait" | "const" | "type")
+                || rest.contains(": ")
         });
         if let Some(rest) = kind
             && !said.is_empty()
@@ -206,10 +210,21 @@ fn reference(title: &str, folder: &str, names: &[&str]) -> String {
 #[test]
 fn the_sdk_is_listed() {
     let names = [
-        "operation", "info", "params", "job", "input", "output", "run",
+        "operation",
+        "info",
+        "params",
+        "job",
+        "input",
+        "output",
+        "run",
     ];
     let page = reference("The SDK", "plugin-api/sdk/src", &names);
-    for word in ["fn add_columns", "fn f64_mut", "trait Operation", "fn progress"] {
+    for word in [
+        "fn add_columns",
+        "fn f64_mut",
+        "trait Operation",
+        "fn progress",
+    ] {
         assert!(page.contains(word), "{word} is missing");
     }
     same("sdk.md", &page);
@@ -221,7 +236,12 @@ fn the_documents_are_listed() {
         "manifest", "schema", "call", "header", "findings", "failure", "element",
     ];
     let page = reference("The control documents", "plugin-api/documents/src", &names);
-    for word in ["struct Manifest", "reentrant: bool", "struct Plan", "interruptible: bool"] {
+    for word in [
+        "struct Manifest",
+        "reentrant: bool",
+        "struct Plan",
+        "interruptible: bool",
+    ] {
         assert!(page.contains(word), "{word} is missing");
     }
     same("documents.md", &page);
