@@ -300,7 +300,9 @@ fn same_in_worker(ground: &Ground) -> Found {
 }
 
 /// What the engine gets of a call: objects and the bytes of files.
-fn called(engine: &Engine, setting: &Setting) -> Result<(Vec<(String, Item)>, Vec<u8>), String> {
+type Got = (Vec<(String, Item)>, Vec<u8>);
+
+fn called(engine: &Engine, setting: &Setting) -> Result<Got, String> {
     let mut inputs = Vec::new();
     for (port, item) in &setting.inputs {
         let object = item.object().map_err(|failure| failure.to_string())?;

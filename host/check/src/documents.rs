@@ -48,7 +48,7 @@ fn planned(instance: &Instance, setting: &Setting, text: &[u8]) -> Option<Ended>
             instance.drop(prepared);
             None
         }
-        Err(ended) => Some(ended),
+        Err(ended) => Some(*ended),
     }
 }
 

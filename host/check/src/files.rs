@@ -11,8 +11,11 @@ use puncta_engine::documents::{FileRule, OperationKind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+/// A check of one operation.
+type One = fn(&Ground, &Instance, &Case<'_>) -> Result<(), String>;
+
 pub fn find(check: Check, ground: &Ground) -> Option<Found> {
-    let (kind, one): (_, fn(&Ground, &Instance, &Case<'_>) -> Result<(), String>) = match check {
+    let (kind, one): (_, One) = match check {
         Check::Probes => (OperationKind::Reader, probes),
         Check::OthersFiles => (OperationKind::Reader, others_files),
         Check::DamagedFiles => (OperationKind::Reader, damaged_files),

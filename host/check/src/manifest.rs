@@ -236,7 +236,7 @@ fn limits(parameter: &Parameter) -> Result<(), String> {
         return Err(format!("the host does not know the kind {kind:?}"));
     }
     if let (Some(min), Some(max)) = (parameter.min, parameter.max)
-        && !(min <= max)
+        && (min > max || min.is_nan() || max.is_nan())
     {
         return Err(format!("its least value {min} is above its greatest {max}"));
     }

@@ -180,7 +180,11 @@ impl Instance {
     ///
     /// # Errors
     /// How that ended.
-    pub fn prepare_text(&self, session: &Arc<Session>, text: &[u8]) -> Result<Prepared, Ended> {
+    pub fn prepare_text(
+        &self,
+        session: &Arc<Session>,
+        text: &[u8],
+    ) -> Result<Prepared, Box<Ended>> {
         let begin = Instant::now();
         let entry = Entry::new(session);
         let mut plan = abi::Plan {
@@ -198,7 +202,7 @@ impl Instance {
         });
         drop(entry);
         if status != abi::STATUS_OK {
-            return Err(Ended::new(status, session.end(), begin.elapsed()));
+            return Err(Box::new(Ended::new(status, session.end(), begin.elapsed())));
         }
         // SAFETY: valid until the plan is dropped.
         let text = unsafe { plan.document.as_str() }.unwrap_or_default();
@@ -209,7 +213,7 @@ impl Instance {
             }),
             Err(why) => {
                 session.note(format!("its plan is {why}"));
-                Err(Ended::new(status, session.end(), begin.elapsed()))
+                Err(Box::new(Ended::new(status, session.end(), begin.elapsed())))
             }
         }
     }
@@ -218,7 +222,11 @@ impl Instance {
     ///
     /// # Errors
     /// How that ended.
-    pub fn prepare(&self, session: &Arc<Session>, setting: &Setting) -> Result<Prepared, Ended> {
+    pub fn prepare(
+        &self,
+        session: &Arc<Session>,
+        setting: &Setting,
+    ) -> Result<Prepared, Box<Ended>> {
         let text = documents::write(&setting.request(), REQUEST);
         let prepared = self.prepare_text(session, text.as_bytes())?;
         // The engine refuses a plan that reads what there is not, and the plugin hears of it no more.
@@ -238,11 +246,12 @@ impl Instance {
                 let why = Failure::bad_input(format!("the input has no column {name}"));
                 session.refused();
                 session.fail(why);
-                return Err(Ended::new(
+                let end = session.end();
+                return Err(Box::new(Ended::new(
                     abi::STATUS_FAILED,
-                    session.end(),
+                    end,
                     Duration::ZERO,
-                ));
+                )));
             }
         }
         Ok(prepared)
@@ -285,7 +294,7 @@ impl Instance {
                 self.drop(prepared);
                 ended
             }
-            Err(ended) => ended,
+            Err(ended) => *ended,
         }
     }
 }

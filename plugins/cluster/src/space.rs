@@ -70,7 +70,7 @@ pub fn alpha_shape(points: &[[f64; 3]], alpha: f64, run: &dyn Run) -> Result<Sol
             std::array::from_fn(|k| (uu * vw[k] + vv * wu[k] + ww * uv[k]) / (2.0 * six));
         let square = dot(centre, centre);
         // Flat to within rounding: the centre is no number or far away.
-        if !(square <= alpha * alpha * (1.0 + 1e-9)) {
+        if square.is_nan() || square > alpha * alpha * (1.0 + 1e-9) {
             continue;
         }
         solid.volume += six.abs() / 6.0;

@@ -91,7 +91,7 @@ fn alpha_shapes_of_known_solids() {
     near(shape(&lattice(6, |_| true), 8.7), 125e3, 15e3);
     near(shape(&lattice(6, |_| true), 8.6), 0.0, 0.0);
     // Two slabs of 1 x 5 x 5 cells, 30 nm apart: a larger radius joins them.
-    let slabs = lattice(6, |[x, _, _]| x < 2 || x > 3);
+    let slabs = lattice(6, |[x, _, _]| !(2..=3).contains(&x));
     near(shape(&slabs, 8.7), 50e3, 2.0 * (5e3 + 2e3));
     near(shape(&slabs, 1e3), 125e3, 15e3);
     // An L: in the concave edge the triangle of half a cell has no point in its circle.
@@ -117,7 +117,7 @@ fn a_wide_alpha_shape_is_the_convex_hull_and_a_narrow_one_the_ball() {
     let mut ball = Vec::new();
     while ball.len() < 20_000 {
         let p: [f64; 3] = std::array::from_fn(|_| 2.0 * random.unit() - 1.0);
-        if dot(p, p) <= 1.0 && !(dot(p, p) < 0.25) {
+        if (0.25..=1.0).contains(&dot(p, p)) {
             ball.push(p.map(|v| 500.0 * v));
         }
     }
