@@ -82,7 +82,7 @@ fn samples() -> Vec<(&'static str, Vec<u8>, bool)> {
         ("zeros.bin", vec![0; 600], false),
         ("random.bin", random, false),
         ("empty.bin", Vec::new(), false),
-        ("utf16.txt", utf16.collect(), false),
+        ("utf16.txt", utf16.collect(), true),
         (
             "a.json",
             b"{\"name\": [1, 2, {\"a\": null}]}\n".to_vec(),

@@ -41,7 +41,8 @@ pub fn plan(
         return Err(Failure::bad_parameter("columns", message));
     }
     let fields = dialect.names.len();
-    let max_rows = (data_bytes + 1) / fields.max(2) as u64;
+    // A row that is too short is found after the rows were counted, so that it needs room as well.
+    let max_rows = data_bytes / 2 + 1;
     let expected = (data_bytes as f64 / line_bytes.max(2.0)).ceil() as u64;
     Ok(Plan {
         columns,
