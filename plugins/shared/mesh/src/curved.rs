@@ -54,10 +54,10 @@ impl Curved {
     }
 
     /// The place of the surface that belongs to the nearest place of the triangles, and the normal
-    /// there. `None` if there is no surface.
+    /// there. `None` if there is no surface. `hint` is that of [`Bvh::nearest_by`].
     #[must_use]
-    pub fn project(&self, p: Point) -> Option<(Point, Point)> {
-        let nearest = self.bvh.nearest(p)?;
+    pub fn project(&self, p: Point, hint: &mut u32) -> Option<(Point, Point)> {
+        let nearest = self.bvh.nearest_by(p, hint)?;
         Some(self.lift(&nearest))
     }
 
@@ -148,7 +148,7 @@ mod tests {
         let curved = Curved::new(&mesh, &Serial).unwrap();
         let (fine, _) = shapes::sphere(101.0, 4);
         let worst = fine.iter().map(|p| {
-            let (place, normal) = curved.project(*p).unwrap();
+            let (place, normal) = curved.project(*p, &mut 0).unwrap();
             assert!(dot(normal, unit(*p)) > 0.999);
             (norm(place) - 100.0).abs()
         });
@@ -173,7 +173,7 @@ mod tests {
         let (positions, triangles) = shapes::cube(10.0, 2);
         let mesh = Mesh::new(positions, &triangles).unwrap();
         let curved = Curved::new(&mesh, &Serial).unwrap();
-        let (place, _) = curved.project([6.0, 1.0, 2.0]).unwrap();
+        let (place, _) = curved.project([6.0, 1.0, 2.0], &mut 0).unwrap();
         assert!(distance(place, [5.0, 1.0, 2.0]) < 1e-12, "{place:?}");
     }
 }

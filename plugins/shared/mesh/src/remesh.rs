@@ -65,8 +65,10 @@ pub fn remesh(mesh: &mut Mesh, how: Remeshing, run: &dyn Run) -> Result<(), Fail
     } else {
         None
     };
+    let normals = vertex_normals(mesh, run)?;
     let mut work = Work {
-        normals: vertex_normals(mesh, run)?,
+        hints: vec![NONE; normals.len()],
+        normals,
         mesh,
         long: how.edge * 4.0 / 3.0,
         short: how.edge * 4.0 / 5.0,
@@ -91,6 +93,8 @@ pub fn remesh(mesh: &mut Mesh, how: Remeshing, run: &dyn Run) -> Result<(), Fail
 struct Work<'a> {
     mesh: &'a mut Mesh,
     normals: Vec<Point>,
+    /// Where on the surface each vertex was found last.
+    hints: Vec<u32>,
     long: f64,
     short: f64,
     run: &'a dyn Run,
@@ -139,6 +143,7 @@ impl Work<'_> {
                 };
                 if self.mesh.split(h, place).is_some() {
                     self.normals.push(unit(add(normals[0], normals[1])));
+                    self.hints.push(self.hints[a as usize]);
                 }
             }
         }
@@ -159,6 +164,7 @@ impl Work<'_> {
         }
         let kept = self.mesh.compact();
         self.normals = kept.iter().map(|&v| self.normals[v as usize]).collect();
+        self.hints = kept.iter().map(|&v| self.hints[v as usize]).collect();
         Ok(())
     }
 
@@ -247,19 +253,23 @@ impl Work<'_> {
         let mesh = &*self.mesh;
         let moved = by_item(self.run, mesh.positions().len(), |v| {
             let (vertex, at) = (v as u32, mesh.positions()[v]);
-            let n = self.normals[v];
+            let (n, mut hint) = (self.normals[v], self.hints[v]);
             if mesh.at_boundary(vertex) {
-                return (at, n);
+                return (at, n, hint);
             }
             let to = sub(middle_of_triangles(mesh, vertex, at), at);
             let place = along(add(at, to), n, -dot(to, n));
-            match surface.and_then(|surface| surface.project(place)) {
-                Some((place, normal)) if squared(normal) > 0.0 => (place, normal),
-                _ => (place, n),
+            match surface.and_then(|surface| surface.project(place, &mut hint)) {
+                Some((place, normal)) if squared(normal) > 0.0 => (place, normal, hint),
+                _ => (place, n, hint),
             }
         })?;
-        let (positions, normals): (Vec<Point>, Vec<Point>) = moved.into_iter().unzip();
-        self.mesh.positions = positions;
+        let mut normals = Vec::with_capacity(moved.len());
+        for (v, (place, normal, hint)) in moved.into_iter().enumerate() {
+            self.mesh.positions[v] = place;
+            self.hints[v] = hint;
+            normals.push(normal);
+        }
         self.normals = match surface {
             Some(_) => normals,
             None => by_item(self.run, self.mesh.positions().len(), |v| {

@@ -137,18 +137,12 @@ impl Distance {
     /// Distances of points that follow one another in space: how far the next can be from the mesh
     /// is known from the one before it.
     fn block(&self, points: [&[f64]; 3], places: &[u32], signed: bool) -> Vec<f64> {
-        let mut last: Option<Point> = None;
+        let mut last = u32::MAX;
         let distance = |&place: &u32| {
             let p = points.map(|axis| axis[place as usize]);
-            let limit = last.map_or(f64::INFINITY, |at| {
-                // Rounding must not shut out the place itself.
-                crate::vector::squared(sub(p, at)) * (1.0 + 1e-12)
-            });
-            let found = self.bvh.nearest_from(p, limit);
-            let Some(nearest) = found.or_else(|| self.bvh.nearest(p)) else {
+            let Some(nearest) = self.bvh.nearest_by(p, &mut last) else {
                 return f64::NAN;
             };
-            last = Some(nearest.place);
             if signed {
                 self.sign(p, &nearest)
             } else {
