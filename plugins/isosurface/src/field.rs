@@ -2,10 +2,11 @@
 //! each leaf is on.
 
 use puncta_sdk::run::{Cancelled, Run, chunks_mut};
+use puncta_shared_mesh::Groups;
 use puncta_shared_octree::{NONE, Tree};
 
 /// Nodes that a task works on.
-const CHUNK: usize = 1 << 13;
+pub const CHUNK: usize = 1 << 13;
 /// A node has leaves outside.
 pub const OUTSIDE: u8 = 1;
 /// A node has leaves inside.
@@ -175,32 +176,5 @@ impl<'t> Field<'t> {
             }
         }
         Ok(())
-    }
-}
-
-/// Disjoint sets of numbers.
-pub struct Groups(Vec<u32>);
-
-impl Groups {
-    /// Each number by itself.
-    #[must_use]
-    pub fn new(count: usize) -> Groups {
-        Groups((0..count as u32).collect())
-    }
-
-    /// The lowest number of a number's set.
-    pub fn find(&mut self, mut a: u32) -> u32 {
-        while self.0[a as usize] != a {
-            let up = self.0[self.0[a as usize] as usize];
-            self.0[a as usize] = up;
-            a = up;
-        }
-        a
-    }
-
-    /// Makes one set of two.
-    pub fn join(&mut self, a: u32, b: u32) {
-        let (a, b) = (self.find(a), self.find(b));
-        self.0[a.max(b) as usize] = a.min(b);
     }
 }

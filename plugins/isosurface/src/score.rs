@@ -3,7 +3,7 @@
 use crate::truth::Truth;
 use puncta_sdk::Failure;
 use puncta_sdk::run::{Run, map};
-use puncta_shared_mesh::Bvh;
+use puncta_shared_mesh::{Bvh, Groups};
 use puncta_shared_neighbours::{Grid, Nearest};
 use puncta_shared_vector::{Point, between, cross, squared, sub};
 use rand_chacha::ChaCha8Rng;
@@ -68,7 +68,7 @@ impl Triangles {
     /// Number of components.
     #[must_use]
     pub fn components(&self) -> i64 {
-        let mut groups = crate::field::Groups::new(self.positions.len());
+        let mut groups = Groups::new(self.positions.len());
         for [a, b, c] in &self.triangles {
             groups.join(*a, *b);
             groups.join(*b, *c);

@@ -1,9 +1,10 @@
 //! The surface of a field: vertices on the edges of the dual grid, polygons from its cells.
 
 use crate::cells::{Octants, Walk};
-use crate::field::{Field, Groups, each_mut};
+use crate::field::{Field, each_mut};
 use crate::march::{Edge, Loops, Polygon};
 use puncta_sdk::run::{Cancelled, Run, map};
+use puncta_shared_mesh::Groups;
 use puncta_shared_octree::NONE;
 use puncta_shared_vector::{Point, add, between, cross, dot, squared, sub};
 

@@ -1,5 +1,6 @@
 //! What is wrong with indexed triangles, without changing them.
 
+use crate::groups::Groups;
 use crate::mesh::next;
 use crate::vector::{Point, area_vector, finite, norm, squared, sub};
 
@@ -57,29 +58,6 @@ pub(crate) fn sorted_edges(triangles: &[[u32; 3]]) -> Vec<(u64, u32)> {
     edges
 }
 
-/// Classes of items that belong together.
-pub(crate) struct Classes(Vec<u32>);
-
-impl Classes {
-    pub(crate) fn new(count: usize) -> Classes {
-        Classes((0..count as u32).collect())
-    }
-
-    /// The lowest item of the class of `i`.
-    pub(crate) fn find(&mut self, mut i: u32) -> u32 {
-        while self.0[i as usize] != i {
-            self.0[i as usize] = self.0[self.0[i as usize] as usize];
-            i = self.0[i as usize];
-        }
-        i
-    }
-
-    pub(crate) fn join(&mut self, a: u32, b: u32) {
-        let (a, b) = (self.find(a), self.find(b));
-        self.0[a.max(b) as usize] = a.min(b);
-    }
-}
-
 /// Whether the corners lie on a line, as far as their digits tell.
 pub(crate) fn is_sliver([a, b, c]: [Point; 3]) -> bool {
     let longest = squared(sub(b, a))
@@ -126,7 +104,7 @@ pub(crate) fn in_order(mut triangle: [u32; 3]) -> [u32; 3] {
 
 fn count_edges(triangles: &[[u32; 3]], vertices: usize, defects: &mut Defects) {
     let corners = triangles.as_flattened();
-    let mut fans = Classes::new(corners.len());
+    let mut fans = Groups::new(corners.len());
     for edge in sorted_edges(triangles).chunk_by(|a, b| a.0 == b.0) {
         let first = edge[0].1;
         for &(_, h) in &edge[1..] {

@@ -42,6 +42,7 @@ pub mod curved;
 pub mod decimate;
 mod edit;
 pub mod energy;
+mod groups;
 pub mod holes;
 mod jet;
 pub mod measure;
@@ -60,6 +61,7 @@ pub mod topology;
 pub mod weld;
 
 pub use bvh::Bvh;
+pub use groups::Groups;
 pub use mesh::{Mesh, NONE, next, prev};
 pub use puncta_shared_vector::{self as vector, Point};
 pub use signed::Distance;

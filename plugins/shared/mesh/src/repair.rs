@@ -1,6 +1,7 @@
 //! Making a sound mesh of any triangles.
 
-use crate::check::{Classes, Defects, check, in_order, is_sliver, sorted_edges};
+use crate::check::{Defects, check, in_order, is_sliver, sorted_edges};
+use crate::groups::Groups;
 use crate::holes::fill_holes;
 use crate::mesh::{Mesh, NONE, next, prev};
 use crate::orient::{orient, turn_outward};
@@ -131,7 +132,7 @@ fn part(
     mended: &mut Mended,
 ) -> (Mesh, Vec<u32>) {
     let corners = triangles.as_flattened();
-    let mut fans = Classes::new(corners.len());
+    let mut fans = Groups::new(corners.len());
     for (h, &twin) in (0..).zip(&twin) {
         if twin != NONE && h < twin {
             fans.join(h, next(twin));
