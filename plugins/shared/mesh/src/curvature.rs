@@ -44,7 +44,7 @@ pub enum Method {
     /// mean exact on spheres, rough on irregular or noisy triangles.
     Tensor,
     /// A polynomial of `degree` (2 to 4) over the neighbours within `rings` edges, by least squares
-    /// (Cazals and Pouget, Comput. Aided Geom. Des. 22, 2005).
+    /// in which near ones count more (Cazals and Pouget, Comput. Aided Geom. Des. 22, 2005).
     Jet {
         /// Degree of the polynomial: 2, 3 or 4.
         degree: u8,

@@ -38,7 +38,7 @@ struct Fit {
     reach: f64,
 }
 
-/// Curvature at a vertex: least squares of z(x, y) in the frame of its normal. With too few
+/// Curvature at a vertex: weighted least squares of z(x, y) in the frame of its normal. With too few
 /// neighbours for the degree, a lower one is used.
 pub(crate) fn curvature(
     mesh: &Mesh,
@@ -105,17 +105,24 @@ fn around(mesh: &Mesh, normals: &[Point], vertex: u32, degree: u8, rings: u8) ->
     })
 }
 
+/// What a neighbour counts at this squared distance, the farthest being at 1: what the polynomial
+/// cannot follow grows with the distance, and so does harm mostly there.
+fn weight(squared: f64) -> f64 {
+    (1.0 - 0.9 * squared) * (1.0 - 0.9 * squared)
+}
+
 /// Coefficients of 1, x, y, x^2, xy, y^2 of the polynomial with N terms that fits best.
 fn fit<const N: usize>(points: &[Point]) -> Option<[f64; 6]> {
     let mut matrix = SMatrix::<f64, N, N>::zeros();
     let mut right = SVector::<f64, N>::zeros();
     for &[x, y, z] in points {
+        let weight = weight(x * x + y * y);
         let terms = monomials::<N>(x, y);
         for (i, a) in terms.iter().enumerate() {
             for (j, b) in terms.iter().enumerate().take(i + 1) {
-                matrix[(i, j)] += a * b;
+                matrix[(i, j)] += weight * a * b;
             }
-            right[i] += a * z;
+            right[i] += weight * a * z;
         }
     }
     // Rows and columns are brought to a diagonal of 1; a pivot that then all but vanishes shows
