@@ -220,6 +220,78 @@ mod tests {
     use puncta_sdk::run::Serial;
     use puncta_shared_mesh::shapes;
     use puncta_shared_simulation::shape::Shape as Known;
+    use puncta_testkit::{Call, Done};
+
+    /// A sphere of radius 100 nm whose vertices say that their mean curvature is `curvature`.
+    #[derive(Params)]
+    struct Curved {
+        /// Mean curvature.
+        #[param(unit = "nm^-1")]
+        curvature: f64,
+    }
+
+    impl Operation for Curved {
+        const ID: &'static str = "test.curved/1";
+
+        fn info() -> Info {
+            Info::operation("Curved").output(Ports::mesh("mesh"))
+        }
+
+        fn run(&self, job: &Job) -> Result<(), Failure> {
+            let (positions, triangles) = shapes::sphere(100.0, 4);
+            let mut columns = vec![
+                ColumnInfo::new("x", Element::F64, "nm"),
+                ColumnInfo::new("y", Element::F64, "nm"),
+            ];
+            columns.push(ColumnInfo::new("z", Element::F64, "nm"));
+            columns.push(ColumnInfo::new(CURVATURE, Element::F64, "nm^-1"));
+            let rows = [positions.len() as u64, triangles.len() as u64];
+            let mut out = job.begin("mesh", Header::mesh("ball", columns, rows[0], rows[1]))?;
+            let [x, y, z, curvature] = out.f64s_mut(["x", "y", "z", CURVATURE])?;
+            for (axis, column) in [x, y, z].into_iter().enumerate() {
+                for (to, from) in column.iter_mut().zip(&positions) {
+                    *to = from[axis];
+                }
+            }
+            curvature.fill(self.curvature);
+            // The curvature of one vertex is not known.
+            curvature[7] = f64::NAN;
+            for (corner, column) in out.columns_mut(1)?.into_iter().enumerate() {
+                if let puncta_sdk::ColumnMut::U32(column) = column {
+                    for (to, from) in column.iter_mut().zip(&triangles) {
+                        *to = from[corner];
+                    }
+                }
+            }
+            out.finish()
+        }
+    }
+
+    fn scored(curvature: f64) -> Done {
+        let ball = Call::of::<Curved>()
+            .set("curvature", curvature)
+            .run()
+            .expect("a ball");
+        let surface = ball.output("mesh").expect("the ball").clone();
+        let call = Call::of::<Quality>()
+            .set("shape", "sphere")
+            .set("spacing", 10);
+        call.input("surface", surface).run().expect("a score")
+    }
+
+    #[test]
+    fn the_error_of_curvature_is_that_of_the_column() {
+        for (curvature, error) in [(0.01, 0.0), (0.011, 0.001), (-0.01, 0.02)] {
+            let report = scored(curvature);
+            for name in ["curvature_mean_error_rms", "curvature_mean_error_median"] {
+                let found = report.value(name).expect(name);
+                assert!((found - error).abs() < 1e-6, "{name} {found} {error}");
+            }
+        }
+        let report = scored(0.01);
+        assert_eq!(report.value("genus"), Some(0.0));
+        assert!(report.value("hausdorff").expect("a distance") < 0.5);
+    }
 
     fn mesh((positions, triangles): shapes::Shape) -> Triangles {
         Triangles::new(positions, triangles, &Serial).expect("a mesh")

@@ -1,5 +1,7 @@
 use crate::extract::{Extracted, Settings, extract};
+use crate::score::{Triangles, from_mesh, from_truth, quantile, truth_samples};
 use crate::surface::Surface;
+use crate::truth::Truth;
 use puncta_sdk::run::Serial;
 use puncta_shared_simulation::parameters::Parameters;
 use puncta_shared_simulation::shape::Shape;
@@ -8,6 +10,8 @@ use puncta_shared_vector::{Point, squared};
 use puncta_testkit::Random;
 use std::collections::HashMap;
 use std::f64::consts::PI;
+
+mod data;
 
 /// What is wrong with a surface: edges of one triangle, of more than two, of two that face opposite
 /// sides, triangles that name a vertex twice, vertices whose triangles are not one fan.
@@ -181,31 +185,37 @@ fn membrane(shape: Shape, seed: u64) -> Columns {
     columns
 }
 
+/// Closed, of enough triangles, of the right topology, and near the truth both ways.
 #[test]
 fn membranes_have_their_topology_and_place() {
-    for seed in seeds(3) {
-        for shape in [Shape::Sphere { radius: 100.0 }, Shape::Tori, Shape::Er] {
-            let settings = Settings {
-                most: 20,
-                ..Settings::default()
-            };
-            let extracted = run(&membrane(shape, seed), &settings);
-            let surface = &extracted.surface;
-            let place = format!("{shape:?} seed {seed}");
-            assert_eq!(defects(surface), [0; 5], "{place}");
-            assert!(surface.triangles.len() >= 500, "{place}");
-            let solid = shape.solid();
-            let mut off: Vec<f64> = surface
-                .positions
-                .iter()
-                .map(|p| solid.value(*p).abs())
-                .collect();
-            off.sort_unstable_by(f64::total_cmp);
-            assert_eq!(surface.euler(), i64::from(shape.euler()), "{place}");
-            assert!(
-                off[off.len() * 95 / 100] < 6.0 && off[off.len() - 1] < 20.0,
-                "{place}"
-            );
+    let torus = Shape::Torus {
+        ring: 100.0,
+        tube: 40.0,
+    };
+    let shapes = [
+        Shape::Sphere { radius: 100.0 },
+        torus,
+        Shape::Tori,
+        Shape::Er,
+    ];
+    for (seed, shape) in seeds(2).flat_map(|seed| shapes.map(|shape| (seed, shape))) {
+        let settings = Settings {
+            most: 20,
+            ..Settings::default()
+        };
+        let surface = run(&membrane(shape, seed), &settings).surface;
+        let place = format!("{shape:?} seed {seed}");
+        assert_eq!(defects(&surface), [0; 5], "{place}");
+        assert!(surface.triangles.len() >= 500, "{place}");
+        assert_eq!(surface.euler(), i64::from(shape.euler()), "{place}");
+        let truth = Truth::new(shape);
+        let from = from_truth(&surface.positions, &truth, &Serial).expect("distances");
+        let points = truth_samples(&truth, 8.0, seed, &Serial).expect("samples");
+        let surface = Triangles::new(surface.positions, surface.triangles, &Serial);
+        let to = from_mesh(&points, &surface.expect("triangles"), &Serial).expect("distances");
+        for distances in [from, to] {
+            let [most, all] = [0.95, 1.0].map(|share| quantile(&distances, share));
+            assert!(most < 6.0 && all < 20.0, "{place}: {most} {all}");
         }
     }
 }
