@@ -35,7 +35,8 @@ impl Set<'_> {
 
     fn near(&mut self, what: &str, ours: f64, theirs: f64, relative: f64) {
         let allowed = relative * theirs.abs().max(1.0);
-        if !((ours - theirs).abs() <= allowed) {
+        let off = (ours - theirs).abs();
+        if off.is_nan() || off > allowed {
             let (file, columns) = (&self.expected["file"], &self.expected["columns"]);
             let problem = format!("{file} {columns}: {what} is {ours}, not {theirs}");
             self.problems.push(problem);

@@ -109,9 +109,9 @@ impl Bins {
             let begin = cloud.times[frame];
             out.count.push(count);
             out.centre.push(0.0);
-            for frame in frame..end {
+            for (count, time) in in_frame[frame..end].iter().zip(&cloud.times[frame..end]) {
                 out.of_frame.push(bin as u32);
-                out.centre[bin] += in_frame[frame] * (cloud.times[frame] - begin);
+                out.centre[bin] += count * (time - begin);
             }
             frame = end;
         }

@@ -136,8 +136,7 @@ impl Model {
         }
         for pivot in 0..5 {
             let own = rows[pivot];
-            // Written so that a sum that is not a number ends here, too.
-            if !(own[pivot].abs() > 1e-12) {
+            if own[pivot].is_nan() || own[pivot].abs() <= 1e-12 {
                 return None;
             }
             for (_, row) in rows.iter_mut().enumerate().filter(|(k, _)| *k != pivot) {
