@@ -284,12 +284,14 @@ impl Bvh {
             let node = &self.nodes[visit.first as usize];
             let squares = node.squared(&place);
             let begin = stack.len();
-            for child in 0..usize::from(node.children).min(WIDTH) {
-                if squares[child] <= limit {
+            let children = usize::from(node.children);
+            let near = squares.iter().zip(node.first.iter().zip(&node.count));
+            for (squared, (first, count)) in near.take(children) {
+                if *squared <= limit {
                     stack.push(Visit {
-                        squared: squares[child],
-                        first: node.first[child],
-                        count: node.count[child],
+                        squared: *squared,
+                        first: *first,
+                        count: *count,
                     });
                 }
             }
