@@ -23,15 +23,21 @@ SETTINGS = [(20, 5), (50, 10), (100, 20)]
 RADII = [10.0, 20.0, 50.0, 100.0, 200.0, 500.0]
 STEP = 10.0
 
-# File, columns of the positions in nm.
+PLANE = ["x [nm]", "y [nm]"]
+# File, columns of the positions in nm, what a reader must be told.
 TEXT = [
-    ("pyme-smlm-import-tests/ThunderSTORM_TS3D.csv", ["x [nm]", "y [nm]"]),
-    ("pyme-smlm-import-tests/ThunderSTORM_TS3D.csv", ["x [nm]", "y [nm]", "z [nm]"]),
-    ("smolr/3d_localizations.csv", ["x [nm]", "y [nm]", "z [nm]"]),
-    ("colicoords/01_storm.csv", ["x [nm]", "y [nm]"]),
-    ("smlm-clustering/Training_MEDIUM.csv", ["x [nm]", "y [nm]"]),
-    ("smlm-clustering/Training_EASY.csv", ["x [nm]", "y [nm]"]),
-    ("pyme-smlm-import-tests/CaulobacterC_2_R09_MoernerLab.csv", ["x", "y", "z"]),
+    ("pyme-smlm-import-tests/ThunderSTORM_TS3D.csv", PLANE, {}),
+    ("pyme-smlm-import-tests/ThunderSTORM_TS3D.csv", [*PLANE, "z [nm]"], {}),
+    ("smolr/3d_localizations.csv", [*PLANE, "z [nm]"], {}),
+    ("colicoords/01_storm.csv", PLANE, {}),
+    ("smlm-clustering/Training_MEDIUM.csv", PLANE, {}),
+    ("smlm-clustering/Training_EASY.csv", PLANE, {}),
+    ("pyme-smlm-import-tests/CaulobacterC_2_R09_MoernerLab.csv", ["x", "y", "z"], {"units": "nm"}),
+    (
+        "mean-shift-drift/NPCdata_meanshift_example.csv",
+        [0, 1],
+        {"columns": "x,y,t", "units": "nm"},
+    ),
 ]
 H5R = ["pyme-extra-sample-data/1_2_series_D.h5r"]
 
@@ -78,12 +84,12 @@ def dbscan(points, eps, least):
     }
 
 
-def entry(data, file, names, points):
+def entry(data, file, reader, points):
     content = (data / file).read_bytes()
     return {
         "file": file,
         "sha256": hashlib.sha256(content).hexdigest(),
-        "columns": ["x", "y", "z"][: len(names)],
+        "reader": reader,
     } | analyses(points)
 
 
@@ -94,14 +100,14 @@ def main(arguments):
     data = Path(arguments[0])
     out = Path(arguments[1]) if len(arguments) == 2 else Path(__file__).with_name("analyses.json")
     sets = []
-    for file, names in TEXT:
-        table = pandas.read_csv(data / file)
-        sets.append(entry(data, file, names, table[names].to_numpy(dtype=float)))
+    for file, names, reader in TEXT:
+        table = pandas.read_csv(data / file, header=None if "columns" in reader else "infer")
+        sets.append(entry(data, file, reader, table[names].to_numpy(dtype=float)))
     for file in H5R:
         with h5py.File(data / file) as opened:
             results = opened["FitResults"]["fitResults"]
         points = numpy.column_stack([results["x0"], results["y0"]]).astype(float)
-        sets.append(entry(data, file, ["x0", "y0"], points))
+        sets.append(entry(data, file, {}, points))
     lines = ",\n".join(json.dumps(one, allow_nan=False) for one in sets)
     text = f'{{"format": "{FORMAT}", "sets": [\n{lines}\n]}}\n'
     out.write_text(text, encoding="utf-8")

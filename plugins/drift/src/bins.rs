@@ -109,7 +109,8 @@ impl Bins {
             let begin = cloud.times[frame];
             out.count.push(count);
             out.centre.push(0.0);
-            for (count, time) in in_frame[frame..end].iter().zip(&cloud.times[frame..end]) {
+            let frames = cloud.times.iter().zip(&in_frame);
+            for (time, count) in frames.skip(frame).take(end - frame) {
                 out.of_frame.push(bin as u32);
                 out.centre[bin] += count * (time - begin);
             }

@@ -87,9 +87,15 @@ impl Steps {
                 if found.is_empty() {
                     break;
                 }
-                breaks.extend(found);
-                breaks.sort_unstable_by(f64::total_cmp);
-                last = trials(&breaks)?;
+                let mut more = breaks.clone();
+                more.extend(found);
+                more.sort_unstable_by(f64::total_cmp);
+                // A piece between steps may be too short to be placed: then they stay in the curve.
+                match trials(&more) {
+                    Ok(next) => (breaks, last) = (more, next),
+                    Err(failure) if failure.is_cancelled() => return Err(failure),
+                    Err(_) => break,
+                }
             }
         }
         let (bins, trials) = last;

@@ -34,7 +34,7 @@ impl Solid {
         }
         let turned = |[z, y, x]: [f64; 3]| [x, y, z];
         let side = turned(info.voxel);
-        if side.iter().any(|side| !(*side > 0.0 && side.is_finite())) {
+        if side.iter().any(|side| *side <= 0.0 || !side.is_finite()) {
             let message = "the voxels of the mask have no depth";
             return Err(Failure::bad_input(message).remedy("set its voxel size, or leave out z"));
         }
