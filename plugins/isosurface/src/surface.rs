@@ -1,9 +1,9 @@
 //! The surface of a field: vertices on the edges of the dual grid, polygons from its cells.
 
 use crate::cells::{Octants, Walk};
-use crate::field::{Field, each_mut};
+use crate::field::{CHUNK, Field, each_mut};
 use crate::march::{Edge, Loops, Polygon};
-use puncta_sdk::run::{Cancelled, Run, map};
+use puncta_sdk::run::{Cancelled, Run, chunks_mut, map};
 use puncta_shared_mesh::Groups;
 use puncta_shared_octree::NONE;
 use puncta_shared_vector::{Point, add, between, cross, dot, squared, sub};
@@ -181,19 +181,31 @@ impl Vertices {
                     && (neighbour.level < nodes[at].level || direction % 2 == 1)
             }
         };
-        let mut slots = vec![[NONE; 6]; nodes.len()];
-        let mut ends: Vec<[u32; 2]> = Vec::new();
-        for (at, slots) in slots.iter_mut().enumerate() {
-            if at & 0xffff == 0 && run.cancelled() {
-                return Err(Cancelled);
-            }
-            for (direction, slot) in slots.iter_mut().enumerate() {
-                if is_vertex(at, direction) {
-                    *slot = ends.len() as u32;
-                    ends.push([at as u32, field.beside[at][direction]]);
+        // Numbers follow the order of the nodes.
+        let found = map(run, nodes.len().div_ceil(CHUNK), &|chunk| {
+            let mut found: Vec<([u32; 2], usize)> = Vec::new();
+            if !run.cancelled() {
+                for at in chunk * CHUNK..nodes.len().min((chunk + 1) * CHUNK) {
+                    let directions = (0..6).filter(|direction| is_vertex(at, *direction));
+                    found.extend(directions.map(|k| ([at as u32, field.beside[at][k]], k)));
                 }
             }
+            found
+        });
+        if run.cancelled() {
+            return Err(Cancelled);
         }
+        let mut firsts = vec![0];
+        for found in &found {
+            firsts.push(firsts[firsts.len() - 1] + found.len() as u32);
+        }
+        let mut slots = vec![[NONE; 6]; nodes.len()];
+        chunks_mut(run, &mut slots, CHUNK, &|chunk, slots| {
+            for (number, (ends, direction)) in (firsts[chunk]..).zip(&found[chunk]) {
+                slots[ends[0] as usize - chunk * CHUNK][*direction] = number;
+            }
+        });
+        let ends: Vec<[u32; 2]> = found.into_iter().flatten().map(|(ends, _)| ends).collect();
         let mut placed = vec![([0.0; 3], 0f32); ends.len()];
         each_mut(run, &mut placed, &|i, placed| {
             let [a, b] = ends[i];
