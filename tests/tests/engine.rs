@@ -221,9 +221,7 @@ fn units_are_converted_or_refused() {
             );
             let text = failure.unwrap_err().to_string();
             assert!(
-                text.contains(unit)
-                    && text.contains("nm")
-                    && text.contains("option units = \"x=nm\""),
+                text.contains(unit) && text.contains("nm") && text.contains("units = \"x=nm\""),
                 "{text}"
             );
         }

@@ -66,6 +66,9 @@ pub enum Command {
     /// List plugins, trust them, switch them on and off, choose where they run, pack them
     #[command(subcommand)]
     Plugins(Plugins),
+    /// Choose the reader of files that several readers know
+    #[command(subcommand)]
+    Readers(Readers),
     /// Serve calls over a socket on standard input
     #[command(hide = true)]
     Worker,
@@ -233,6 +236,24 @@ pub struct Replay {
     /// Compute it also with inputs or plugins that are not as they were, and compare the values
     #[arg(long)]
     pub anyway: bool,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum Readers {
+    /// List the choices
+    List,
+    /// Use a reader for a format
+    Set {
+        /// Name of the format as `info` shows it, or a suffix such as .csv
+        format: String,
+        /// Id of the reader
+        reader: String,
+    },
+    /// Forget the choice for a format
+    Clear {
+        /// Name of the format, or a suffix
+        format: String,
+    },
 }
 
 #[derive(Debug, Subcommand)]

@@ -22,6 +22,10 @@ pub struct Settings {
     /// Libraries that the person trusts, by BLAKE3.
     #[serde(default)]
     pub trusted: BTreeMap<String, Consent>,
+    /// The reader of files of which several readers know the format: its id by the format's name
+    /// or by a suffix with its dot.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub readers: BTreeMap<String, String>,
     /// Members that this version does not know.
     #[serde(flatten)]
     pub rest: Map,
@@ -94,6 +98,26 @@ impl Settings {
     #[must_use]
     pub fn choice(&self, id: &str) -> Choice {
         self.plugins.get(id).cloned().unwrap_or_default()
+    }
+
+    /// The reader that the person chose for files of this name in which these formats were found.
+    /// A format counts before a suffix, a long suffix before a short one.
+    #[must_use]
+    pub fn reader<'a>(
+        &self,
+        name: &str,
+        formats: impl IntoIterator<Item = &'a str>,
+    ) -> Option<&str> {
+        let by_format = formats
+            .into_iter()
+            .find_map(|format| self.readers.get(format));
+        let name = name.to_lowercase();
+        let suffixes = self
+            .readers
+            .iter()
+            .filter(|(key, _)| key.starts_with('.') && name.ends_with(key.to_lowercase().as_str()));
+        let by_suffix = || suffixes.max_by_key(|(key, _)| key.len()).map(|(_, id)| id);
+        by_format.or_else(by_suffix).map(String::as_str)
     }
 
     /// The last consent to a library at this place, or of this plugin, whatever its hash was.

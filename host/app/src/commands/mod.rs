@@ -10,6 +10,7 @@ mod plugins;
 mod project;
 mod recipe;
 mod replay;
+mod readers;
 mod run;
 
 pub use check::one as check_one;
@@ -51,6 +52,7 @@ pub fn run(context: &Context, command: &Command, matches: &ArgMatches) -> Result
         Command::Recipe(recipe) => recipe::run(context, recipe),
         Command::Batch(batch) => batch::run(context, batch),
         Command::Replay(replay) => replay::run(context, replay),
+        Command::Readers(readers) => readers::run(context, readers),
         Command::Plugins(plugins) => plugins::run(context, plugins),
         Command::Worker | Command::CheckOne(_) => Ok(Ended::Done),
     }

@@ -7,7 +7,7 @@ use crate::plugins::catalogue::{Describer, FILE_NAME, Installed, Packed};
 use crate::plugins::library_file::Facts;
 use crate::plugins::packed::{read, remembered};
 use crate::settings::{self, Choice, Consent, Mode, Settings};
-use puncta_documents::{Failure, FailureCode};
+use puncta_documents::{Failure, FailureCode, OperationKind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::SystemTime;
@@ -185,6 +185,36 @@ impl Engine {
             );
         }
         self.choose(id, |choice| choice.mode = mode)
+    }
+
+    /// Chooses the reader of files of a format, or of a suffix with its dot; `None` forgets the
+    /// choice.
+    ///
+    /// # Errors
+    /// When there is no such reader, nothing was chosen, or the settings cannot be written.
+    pub fn prefer_reader(&self, format: &str, reader: Option<&str>) -> Result<(), Failure> {
+        let Some(id) = reader else {
+            return self.settings_file()?.change(|settings| {
+                settings.readers.remove(format).map(drop).ok_or_else(|| {
+                    let message = format!("no reader was chosen for {format}");
+                    Failure::bad_parameter("format", message)
+                        .remedy("puncta readers list shows the choices")
+                })
+            });
+        };
+        let (_, operation) = self.operation(id)?;
+        if operation.kind != OperationKind::Reader {
+            let message = format!("{} is no reader", operation.id);
+            return Err(
+                Failure::bad_parameter("reader", message).remedy("puncta ops lists the readers")
+            );
+        }
+        // Without its revision: a newer one of the same reader is meant too.
+        let stem = operation.stem().to_owned();
+        self.settings_file()?.change(|settings| {
+            settings.readers.insert(format.to_owned(), stem);
+            Ok(())
+        })
     }
 
     fn choose(&self, id: &str, change: impl FnOnce(&mut Choice)) -> Result<Choice, Failure> {

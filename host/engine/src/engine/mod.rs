@@ -3,6 +3,7 @@
 mod aftermath;
 mod call;
 mod check;
+mod choose;
 mod manage;
 mod read;
 mod recipe;

@@ -1,6 +1,7 @@
 //! Reading files: which reader, and what it gives.
 
 use super::call::{Called, Invocation};
+use super::choose::{Able, YES, choose, is};
 use super::{Engine, PreparedCall};
 use crate::job::Progress;
 use crate::store::Object;
@@ -80,16 +81,24 @@ impl Engine {
             return self.prepare(&invoke(operation), progress);
         }
         let candidates = self.candidates(path, &file.name, &head)?;
-        let mut able: Vec<(f64, PreparedCall)> = Vec::new();
+        let mut able: Vec<Able<PreparedCall>> = Vec::new();
         let mut refused: Option<Failure> = None;
         for (generic, operation) in candidates {
-            if generic && !able.is_empty() {
-                break;
+            let sure = able.iter().any(|one| one.confidence >= YES);
+            if generic && sure && !self.is_chosen(&operation.id) {
+                continue;
             }
             match self.prepare(&invoke(operation), progress) {
                 Ok(call) => {
-                    let confidence = call.plan().probe.as_ref().map_or(0.0, |p| p.confidence);
-                    able.push((confidence, call));
+                    let probe = call.plan().probe.clone();
+                    able.push(Able {
+                        id: operation.id.clone(),
+                        format: probe
+                            .as_ref()
+                            .map_or_else(String::new, |p| p.format.clone()),
+                        confidence: probe.map_or(0.0, |p| p.confidence),
+                        call,
+                    });
                 }
                 Err(failure) if failure.code == FailureCode::NotMine => {
                     refused.get_or_insert(failure);
@@ -115,7 +124,12 @@ impl Engine {
         {
             return Err(failure.context(format!("cannot read {}", path.display())));
         }
-        choose(path, able, refused)
+        choose(path, able, &self.settings, refused)
+    }
+
+    /// Whether the person chose this reader for some format.
+    fn is_chosen(&self, id: &str) -> bool {
+        self.settings.readers.values().any(|chosen| is(id, chosen))
     }
 
     /// Readers that a file may be for: those that know its suffix or its first bytes, then generic ones.
@@ -159,29 +173,6 @@ impl Engine {
                 .remedy("puncta ops lists the readers; install a plugin that reads it"));
         }
         Ok(fitting)
-    }
-}
-
-fn choose(
-    path: &Path,
-    mut able: Vec<(f64, PreparedCall)>,
-    refused: Option<Failure>,
-) -> Result<PreparedCall, Failure> {
-    able.sort_by(|a, b| b.0.total_cmp(&a.0));
-    if let [(first, one), (second, other), ..] = able.as_slice()
-        && first <= second
-    {
-        let ids = [one.operation_id(), other.operation_id()].join(" or ");
-        let message = format!("several readers know {}", path.display());
-        return Err(Failure::new(FailureCode::BadParameter, message)
-            .remedy(format!("choose one with --reader {ids}")));
-    }
-    match able.into_iter().next() {
-        Some((_, call)) => Ok(call),
-        None => Err(refused.unwrap_or_else(|| {
-            let message = format!("no reader knows {}", path.display());
-            Failure::new(FailureCode::NotMine, message)
-        })),
     }
 }
 

@@ -349,7 +349,7 @@ fn units_are_converted_and_recorded() {
         message.contains("has the unit px, which does not convert to nm"),
         "{message}"
     );
-    assert!(message.contains("option units = \"x=nm\""), "{message}");
+    assert!(message.contains("options.units = \"x=nm\""), "{message}");
     assert!(report.step("b").unwrap().message().unwrap().contains("px"));
     with(3, "nm");
     assert!(lock(&session.runner().converted).is_empty());

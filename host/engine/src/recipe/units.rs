@@ -88,9 +88,12 @@ fn check_column(
             port.name, info.unit
         ))
         .remedy(if unknown {
-            format!(
-                "say its unit when the file is read, by the reader's option units = \"{column}={unit}\""
-            )
+            remedy(info).unwrap_or_else(|| {
+                format!(
+                    "say its unit when the file is read, by --in-units {column}={unit} (in a recipe \
+                     options.units = \"{column}={unit}\")"
+                )
+            })
         } else {
             format!(
                 "choose another column, or correct its unit by the reader's option units = \
@@ -108,6 +111,12 @@ fn check_column(
         to: unit.into(),
         factor,
     }))
+}
+
+/// What the column's reader says about giving it a unit.
+fn remedy(info: &puncta_documents::ColumnInfo) -> Option<String> {
+    let text = info.rest.get("remedy")?.as_str()?;
+    Some(text.to_owned())
 }
 
 fn missing(port: &str, column: &str, header: &Header) -> Failure {

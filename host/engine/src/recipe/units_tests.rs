@@ -50,7 +50,8 @@ fn columns_that_cannot_be_used_are_named_with_both_units() {
             "q",
             "nm",
             "the column q of table has the unit unknown, which does not convert to nm; say its \
-                     unit when the file is read, by the reader's option units = \"q=nm\"",
+                     unit when the file is read, by --in-units q=nm (in a recipe options.units = \
+                     \"q=nm\")",
         ),
         (
             "t",
