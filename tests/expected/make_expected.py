@@ -81,6 +81,8 @@ PICASSO_NAMES = {
     "lpy": ("error_y", "nm", True),
     "sx": ("sigx", "nm", True),
     "sy": ("sigy", "nm", True),
+    "std_x": ("std_x", "nm", True),
+    "std_y": ("std_y", "nm", True),
     "z": ("z", "nm", False),
     "lpz": ("error_z", "nm", False),
     "frame": ("t", "frame", False),

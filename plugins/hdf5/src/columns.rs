@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use puncta_sdk::{Element, Failure};
 
 use crate::error::{damaged, hdf5_reason, unsupported};
-use crate::info::ColumnInfo;
+use crate::info::{ColumnInfo, TableInfo};
 use crate::open::{self, Opened};
 use crate::raw::{self, StoredType};
 use crate::record::{Fields, Leaf, flatten};
@@ -104,6 +104,29 @@ impl Records {
             .find(|leaf| leaf.name == name && leaf.is_number())
     }
 
+    /// The table of these records.
+    pub(crate) fn table(
+        self,
+        port: &'static str,
+        name: &str,
+        sort_by: Option<Leaf>,
+        meanings: impl Fn(&Leaf) -> Vec<Meaning>,
+    ) -> TableInfo {
+        TableInfo {
+            port,
+            name: name.to_owned(),
+            columns: build(&self.fields, meanings),
+            dataset: self.dataset,
+            rows: self.rows,
+            segments: Vec::new(),
+            tracks: false,
+            record: self.record,
+            block: self.block,
+            sort_by,
+            field: None,
+        }
+    }
+
     /// A sentence on fields that are left out.
     pub(crate) fn note_skipped(&self, notes: &mut Vec<String>) {
         if !self.fields.skipped.is_empty() {
@@ -191,12 +214,16 @@ fn column(leaf: &Leaf, meaning: Meaning) -> ColumnInfo {
         } else {
             leaf.element()
         },
-        unit: meaning.unit,
-        role: meaning.role,
+        unit: meaning.unit.to_owned(),
+        remedy: None,
+        role: meaning.role.map(str::to_owned),
         source: leaf.name.clone(),
         description: meaning.description,
         leaf: leaf.clone(),
         factor,
+        base: 0,
+        place: None,
+        compute: None,
     }
 }
 

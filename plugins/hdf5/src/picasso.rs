@@ -16,6 +16,9 @@ use crate::record::Leaf;
 use crate::yaml;
 
 pub(crate) const DATASET: &str = "/locs";
+/// Cluster centres of older versions, and the properties of picks.
+pub(crate) const CLUSTERS: &str = "/clusters";
+const PICKS: &str = "/groups";
 const REQUIRED: [&str; 3] = ["frame", "x", "y"];
 
 /// Lists the table of a Picasso file whose root holds `members`. `pixel_size` (nm) stands in for, and wins over, the one in
@@ -29,13 +32,21 @@ pub(crate) fn inspect(
     members: &[String],
     pixel_size: Option<f64>,
 ) -> Result<FileInfo, Failure> {
-    let records = columns::records(opened, DATASET)?;
-    check_required(opened, &records)?;
+    let has = |dataset: &str| {
+        members
+            .iter()
+            .any(|member| dataset.trim_start_matches('/') == member)
+    };
+    let at = [DATASET, CLUSTERS, PICKS].into_iter().find(|d| has(d));
+    let at = at.unwrap_or(DATASET);
+    let records = columns::records(opened, at)?;
+    if at == DATASET {
+        check_required(opened, &records)?;
+    }
     let mut notes = Vec::new();
     let documents = sidecar(path, &mut notes);
     let pixel = choose_pixel_size(path, &documents, pixel_size, &mut notes);
     records.note_skipped(&mut notes);
-    columns::note_unread(members, &[DATASET], &mut notes);
     let (width, height) = (first(&documents, "Width"), first(&documents, "Height"));
     let frames = first(&documents, "Frames");
     let field = match (width, height, records.number("x"), records.number("y")) {
@@ -47,24 +58,46 @@ pub(crate) fn inspect(
         }),
         _ => None,
     };
-    let columns = columns::build(&records.fields, |leaf| vec![meaning(leaf, pixel)]);
-    let table = TableInfo {
-        name: "localisations".into(),
-        dataset: DATASET.into(),
-        rows: records.rows,
-        columns,
-        record: records.record,
-        block: records.block,
-        sort_by: None,
-        field,
-    };
+    let mut table = records.table("localisations", "localisations", None, |leaf| {
+        vec![meaning(leaf)]
+    });
+    table.field = field;
+    let mut tables = vec![table];
+    let (picks, unread) = picks(opened, members, at, &mut notes);
+    tables.extend(picks);
+    columns::note_unread(&unread, &[at], &mut notes);
     let metadata = metadata(pixel, width, height, frames, documents);
     Ok(FileInfo {
         format: Format::Picasso,
-        tables: vec![table],
+        tables,
         metadata,
         notes,
+        pixel,
+        frame_base: 0,
     })
+}
+
+/// The properties of picks or clusters beside localisations, and the members that stay unread.
+fn picks(
+    opened: &Opened,
+    members: &[String],
+    at: &str,
+    notes: &mut Vec<String>,
+) -> (Vec<TableInfo>, Vec<String>) {
+    let mut tables = Vec::new();
+    let mut unread = Vec::new();
+    for member in members {
+        let place = format!("/{member}");
+        let known = [CLUSTERS, PICKS].contains(&place.as_str()) && place != at;
+        match columns::records(opened, &place).ok().filter(|_| known) {
+            Some(records) => {
+                records.note_skipped(notes);
+                tables.push(records.table("tables", member, None, |leaf| vec![meaning(leaf)]));
+            }
+            None => unread.push(member.clone()),
+        }
+    }
+    (tables, unread)
 }
 
 fn check_required(opened: &Opened, records: &Records) -> Result<(), Failure> {
@@ -217,18 +250,12 @@ fn whole(value: f64) -> Value {
     }
 }
 
-/// What Picasso's columns mean.
-fn meaning(leaf: &Leaf, pixel: Option<f64>) -> Meaning {
+/// What Picasso's columns mean. Means and deviations of picks have the unit of their column.
+fn meaning(leaf: &Leaf) -> Meaning {
     let stored = leaf.name.as_str();
     let name = stored.to_lowercase();
-    let length = |canonical: &str, what: &str| match pixel {
-        Some(size) => Meaning::plain(canonical, "nm")
-            .scaled(size)
-            .described(format!("{what}; camera pixels x {size} nm")),
-        None => Meaning::plain(canonical, "unknown")
-            .scaled(1.0)
-            .described(format!("{what}, in camera pixels of unknown size")),
-    };
+    let length =
+        |canonical: &str, what: &str| Meaning::plain(canonical, "px").scaled(1.0).described(what);
     match stored {
         "frame" => Meaning::plain("t", "frame")
             .role("time")
@@ -249,13 +276,25 @@ fn meaning(leaf: &Leaf, pixel: Option<f64>) -> Meaning {
         "sy" => length("sigy", "standard deviation of the spot"),
         "photons" => Meaning::plain("nPhotons", "photon").described("photons of the spot"),
         "bg" => Meaning::plain("background", "photon").described("photons per camera pixel"),
-        "std_x" | "std_y" => Meaning::plain(&name, "unknown").described("in camera pixels"),
+        "std_x" | "std_y" => Meaning::plain(&name, "px"),
         "std_z" => Meaning::plain(&name, "nm"),
         "group" => Meaning::plain(&name, "1").role("group"),
         "len" | "std_frame" => Meaning::plain(&name, "frame"),
         "n" | "n_locs" | "n_events" | "iterations" | "ellipticity" => Meaning::plain(&name, "1"),
         "photon_rate" => Meaning::plain(&name, "photon/frame"),
-        _ => Meaning::plain(&name, "unknown"),
+        _ => {
+            let stem = name
+                .strip_suffix("_mean")
+                .or_else(|| name.strip_suffix("_std"));
+            let unit = match stem.unwrap_or_default() {
+                "x" | "y" | "lpx" | "lpy" | "sx" | "sy" => "px",
+                "z" | "lpz" => "nm",
+                "frame" => "frame",
+                "photons" | "bg" => "photon",
+                _ => "unknown",
+            };
+            Meaning::plain(&name, unit)
+        }
     }
 }
 

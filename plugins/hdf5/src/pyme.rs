@@ -5,7 +5,8 @@ use puncta_sdk::Failure;
 use serde_json::{Map, Value, json};
 
 use crate::attributes;
-use crate::columns::{self, Meaning, Records};
+use crate::columns::{self, Meaning};
+use crate::derived;
 use crate::error::{hdf5_reason, unsupported};
 use crate::info::{FileInfo, Format, TableInfo};
 use crate::open::{self, Opened};
@@ -13,8 +14,8 @@ use crate::record::Leaf;
 
 const FITS: &str = "/FitResults";
 const FIDUCIALS: &str = "/DriftResults";
-const EVENTS: &str = "/Events";
-const METADATA: &str = "/MetaData";
+pub(crate) const EVENTS: &str = "/Events";
+pub(crate) const METADATA: &str = "/MetaData";
 
 /// Lists the tables of an `.h5r` file whose root holds `members`.
 ///
@@ -56,16 +57,21 @@ pub(crate) fn inspect(opened: &Opened, members: &[String]) -> Result<FileInfo, F
     } else {
         json!({})
     };
+    if let Some(table) = tables.first_mut().filter(|_| has(FITS) || has(FIDUCIALS)) {
+        derived::add(opened, table, &tree, has(EVENTS), &mut notes);
+    }
     let metadata = json!({ "source_format": "PYME h5r", "camera": camera(&tree), "pyme": tree });
     Ok(FileInfo {
         format: Format::PymeH5r,
         tables,
         metadata,
         notes,
+        pixel: None,
+        frame_base: 0,
     })
 }
 
-fn tree(opened: &Opened, notes: &mut Vec<String>) -> Value {
+pub(crate) fn tree(opened: &Opened, notes: &mut Vec<String>) -> Value {
     match opened.file.group(METADATA) {
         Ok(group) => attributes::tree(&group, notes),
         Err(error) => {
@@ -77,7 +83,7 @@ fn tree(opened: &Opened, notes: &mut Vec<String>) -> Value {
 }
 
 /// The entries that operations look for, in plain units.
-fn camera(tree: &Value) -> Value {
+pub(crate) fn camera(tree: &Value) -> Value {
     let number = |path: &str| tree.pointer(path).and_then(Value::as_f64);
     let mut camera = Map::new();
     let mut put = |key: &str, value: Option<Value>| {
@@ -100,7 +106,7 @@ fn camera(tree: &Value) -> Value {
 fn fits(
     opened: &Opened,
     dataset: &str,
-    name: &str,
+    name: &'static str,
     notes: &mut Vec<String>,
 ) -> Result<TableInfo, Failure> {
     let records = columns::records(opened, dataset)?;
@@ -111,28 +117,10 @@ fn fits(
         ));
     }
     let sort_by = records.number("tIndex").cloned();
-    Ok(table(records, name, sort_by, meanings))
+    Ok(records.table(name, name, sort_by, meanings))
 }
 
-fn table(
-    records: Records,
-    name: &str,
-    sort_by: Option<Leaf>,
-    meanings: impl Fn(&Leaf) -> Vec<Meaning>,
-) -> TableInfo {
-    TableInfo {
-        name: name.into(),
-        columns: columns::build(&records.fields, meanings),
-        dataset: records.dataset,
-        rows: records.rows,
-        record: records.record,
-        block: records.block,
-        sort_by,
-        field: None,
-    }
-}
-
-fn events(opened: &Opened) -> Result<TableInfo, Failure> {
+pub(crate) fn events(opened: &Opened) -> Result<TableInfo, Failure> {
     let records = columns::records(opened, EVENTS)?;
     let has = |name: &str| records.fields.leaves.iter().any(|leaf| leaf.name == name);
     if !has("EventName") || !has("Time") {
@@ -142,7 +130,7 @@ fn events(opened: &Opened) -> Result<TableInfo, Failure> {
         );
         return Err(unsupported(message, "export the file from PYME again"));
     }
-    Ok(table(records, "events", None, |leaf| {
+    Ok(records.table("events", "events", None, |leaf| {
         let name = leaf.name.as_str();
         vec![match name {
             "Time" => Meaning::plain(name, "s").described("seconds since 1970, UTC"),

@@ -6,7 +6,8 @@ use std::sync::{Mutex, PoisonError};
 
 use puncta_sdk::{Failure, Run};
 
-use crate::column::{ColumnMut, Part, TextColumn};
+use crate::arrays;
+use crate::column::{ColumnMut, Part, PartRows, TextColumn};
 use crate::error::unsupported;
 use crate::info::{ColumnInfo, FieldOfView, TableInfo};
 use crate::open::{self, Opened};
@@ -52,8 +53,12 @@ pub(crate) fn read(
     run: &dyn Run,
 ) -> Result<ReadReport, Failure> {
     let opened = open::open(path)?;
-    let source = source(path, &opened, table)?;
     let columns = matched(table, sinks, &opened.name)?;
+    if !table.segments.is_empty() {
+        arrays::read(&opened, table, &columns, sinks, run)?;
+        return Ok(ReadReport::default());
+    }
+    let source = source(path, &opened, table)?;
     let rows = usize::try_from(table.rows).unwrap_or(usize::MAX);
     let mut keys = vec![0_i64; if table.sort_by.is_some() { rows } else { 0 }];
     let outside = AtomicU64::new(0);
@@ -258,12 +263,16 @@ impl Pass<'_> {
 
     fn split_tile(&self, memory: &mut BlockMemory<'_>, first: usize, rows: usize, tile: Block<'_>) {
         for (part, column) in memory.parts.iter_mut().zip(self.columns) {
-            fill(
-                tile,
-                &column.leaf,
-                column.factor,
-                part.rows_mut(first, rows),
-            );
+            match &column.compute {
+                Some(compute) => compute.fill(tile, rows, part.rows_mut(first, rows)),
+                None => fill(
+                    tile,
+                    &column.leaf,
+                    column.factor,
+                    part.rows_mut(first, rows),
+                ),
+            }
+            subtract(column.base, part.rows_mut(first, rows));
         }
         if let (Some(leaf), Some(keys)) = (&self.table.sort_by, memory.keys.get_mut(first..)) {
             let count = rows.min(keys.len());
@@ -272,6 +281,17 @@ impl Pass<'_> {
         if let Some(field) = &self.table.field {
             self.outside
                 .fetch_add(count_outside(tile, rows, field), Ordering::Relaxed);
+        }
+    }
+}
+
+/// Takes the number of the first frame off.
+pub(crate) fn subtract(base: u8, rows: PartRows<'_>) {
+    if base > 0
+        && let PartRows::F64(values) = rows
+    {
+        for value in values {
+            *value -= f64::from(base);
         }
     }
 }

@@ -4,10 +4,11 @@ use std::path::Path;
 
 use puncta_sdk::output::{self, TextsMut};
 use puncta_sdk::prelude::*;
+use puncta_shared_import::MappingParams;
 use serde_json::{Value, json};
 
 use crate::column::{ColumnMut, TextColumn};
-use crate::info::{ColumnInfo as Stored, FileInfo, Format, TableInfo};
+use crate::info::{ColumnInfo as Stored, FORMATS, FileInfo, TableInfo};
 use crate::read::{ReadReport, Sink, read};
 use crate::recognise::inspect;
 use crate::record::LeafType;
@@ -26,25 +27,26 @@ const SORTED_ROW: u64 = 28;
 /// Reads localisations, events and fiducials from Picasso `.hdf5` and PYME `.h5r` files.
 #[derive(Debug, Params)]
 pub struct ReadHdf5 {
-    /// Camera pixel for Picasso files; without it, the .yaml beside the file says.
-    #[param(min = 0.001, max = 1e6, unit = "nm")]
-    pixel_size: Option<f64>,
+    #[param(flatten)]
+    mapping: MappingParams,
 }
 
 impl Operation for ReadHdf5 {
     const ID: &'static str = "puncta.hdf5.read/1";
 
     fn info() -> Info {
-        Info::reader("HDF5 localisations", &[".hdf5", ".h5r", ".h5", ".hdf"])
+        let formats: Vec<&str> = FORMATS.iter().map(|format| format.name()).collect();
+        Info::reader("HDF5 localisations", &[".hdf5", ".h5r", ".h5", ".hdf", ".mat", ".pmx"])
             .description(
-                "Reads localisations from Picasso .hdf5 files and PYME .h5r fit results.\n\
-                 Picasso's camera pixels become nm by the Pixelsize of the .yaml of the same \
-                 name. PYME's nested names are joined with underscores, the fitted position \
-                 becomes x and y, rows are put in order of time, and pickled metadata are decoded \
-                 without being executed. Columns keep their stored type, except positions, \
-                 errors and converted lengths, which are f64.",
+                "Reads localisations from HDF5 files of Picasso, PYME, DECODE, storm-analysis, SMAP, \
+                 pyMINFLUX, SPTAnalyser, and MINFLUX exports of MATLAB 7.3.\n\
+                 Picasso's camera pixels become nm by the Pixelsize of the .yaml of the same name. \
+                 PYME's nested names are joined with underscores, the fitted position becomes x and \
+                 y, rows are put in order of time, columns that come from events are computed, and \
+                 pickled metadata are decoded without being executed. Columns keep their stored \
+                 type, except positions, errors and converted values, which are f64.",
             )
-            .formats(&[MAGIC], &["Picasso hdf5", "PYME h5r"])
+            .formats(&[MAGIC], &formats)
             .output(Ports::table("localisations").description("One row a localisation."))
             .output(
                 Ports::table("events")
@@ -56,6 +58,12 @@ impl Operation for ReadHdf5 {
                     .optional()
                     .description("PYME's fits of fiducials."),
             )
+            .output(
+                Ports::table("tables")
+                    .optional()
+                    .many()
+                    .description("Other tables of the file, such as picks."),
+            )
             .cite("10.1038/nprot.2017.024")
             .cite("10.1038/s41592-021-01165-9")
             .example(json!({ "pixel_size": 130 }))
@@ -65,7 +73,7 @@ impl Operation for ReadHdf5 {
     fn prepare(&self, request: &Request) -> Result<Plan, Failure> {
         let file = request.file.as_ref();
         let file = file.ok_or_else(|| Failure::internal("the call has no file"))?;
-        let info = inspect(Path::new(&file.path), self.pixel_size)?;
+        let info = inspect(Path::new(&file.path), &self.mapping.mapping()?)?;
         let mut plan = Plan {
             interruptible: true,
             ..Plan::default()
@@ -77,18 +85,14 @@ impl Operation for ReadHdf5 {
                 plan.memory += table.rows.saturating_mul(SORTED_ROW);
             }
             plan.outputs.push(Output {
-                output: table.name.clone(),
+                output: table.port.into(),
                 form: OutputForm::Object,
                 of: None,
                 header: header(table, &info),
             });
         }
-        let format = match info.format {
-            Format::Picasso => "Picasso hdf5",
-            Format::PymeH5r => "PYME h5r",
-        };
         plan.probe = Some(Probe {
-            format: format.into(),
+            format: info.format.name().into(),
             confidence: 1.0,
         });
         plan.notes = info.notes;
@@ -97,7 +101,7 @@ impl Operation for ReadHdf5 {
 
     fn run(&self, job: &Job) -> Result<(), Failure> {
         let path = Path::new(&job.file()?.path);
-        let info = inspect(path, self.pixel_size)?;
+        let info = inspect(path, &self.mapping.mapping()?)?;
         for table in &info.tables {
             let report = fill(job, path, table, &info)?;
             tell(job, table, &report);
@@ -117,26 +121,36 @@ fn header(table: &TableInfo, info: &FileInfo) -> Header {
     if let Value::Object(tree) = &info.metadata {
         header.metadata.clone_from(tree);
     }
+    if table.tracks {
+        header.shape = Some("tracks".into());
+    }
     header
 }
 
 fn describe(column: &Stored, rows: u64) -> ColumnInfo {
-    let mut info =
-        ColumnInfo::new(&column.name, column.element, column.unit).source(&column.source);
-    info.role = column.role.map(str::to_owned);
+    let mut info = ColumnInfo::new(&column.name, column.element, &column.unit);
+    if !column.source.is_empty() {
+        info = info.source(&column.source);
+    }
+    if let Some(remedy) = &column.remedy {
+        info.rest.insert("remedy".into(), remedy.clone().into());
+    }
+    info.role.clone_from(&column.role);
     if !column.description.is_empty() {
         info = info.description(&column.description);
     }
     match column.leaf.stored {
         // A byte that is not UTF-8 becomes U+FFFD, which has three.
-        LeafType::Text { size } => info.text_bytes(rows.saturating_mul(3 * size as u64)),
-        LeafType::Number { .. } => info,
+        LeafType::Text { size } if column.compute.is_none() => {
+            info.text_bytes(rows.saturating_mul(3 * size as u64))
+        }
+        _ => info,
     }
 }
 
 /// Reads a table into an output of its own.
 fn fill(job: &Job, path: &Path, table: &TableInfo, info: &FileInfo) -> Result<ReadReport, Failure> {
-    let mut out = job.begin(&table.name, header(table, info))?;
+    let mut out = job.begin(table.port, header(table, info))?;
     out.commit(0, table.rows)?;
     let mut texts = vec![TextColumn::default(); table.columns.len()];
     let mut rooms = Vec::new();

@@ -138,6 +138,57 @@ pub(crate) fn plan(dataset: &Dataset, shape: &Shape<'_>) -> Result<Storage, Fail
     }
 }
 
+/// Checks a dataset of numbers of any number of dimensions, `shape.rows` in all. Gives the number
+/// of elements along `axis` that are decoded together.
+///
+/// # Errors
+/// As [`plan`].
+pub(crate) fn check_array(
+    dataset: &Dataset,
+    shape: &Shape<'_>,
+    axis: usize,
+) -> Result<u64, Failure> {
+    let create = dataset.create_plist().map_err(|e| shape.library(&e))?;
+    let layout = create.get_layout().map_err(|e| shape.library(&e))?;
+    let filters = create.get_filters().map_err(|_| {
+        shape.refuse(
+            "compression with unknown settings",
+            "save the file again with gzip",
+        )
+    })?;
+    let expansion = expansion(&filters);
+    let bytes = shape.rows.checked_mul(shape.record as u64);
+    if bytes.is_none_or(|bytes| bytes > expansion.saturating_mul(shape.length)) {
+        let why = format!(
+            "{} numbers are announced, but the file has {} bytes",
+            shape.rows, shape.length
+        );
+        return Err(shape.damaged(&why));
+    }
+    let external = create.get_external().map_err(|e| shape.library(&e))?;
+    if layout == Layout::Virtual || !external.is_empty() {
+        return Err(shape.refuse("its rows are kept in other files", "save it as one file"));
+    }
+    if layout != Layout::Chunked {
+        return Ok(1);
+    }
+    check_filters(shape, &filters)?;
+    let chunk = create.chunk().unwrap_or_default();
+    let elements = chunk
+        .iter()
+        .try_fold(1_u64, |n, c| n.checked_mul(*c as u64));
+    let bytes = elements.and_then(|n| n.checked_mul(shape.record as u64));
+    if bytes
+        .is_none_or(|b| b == 0 || b > MAX_CHUNK_BYTES.min(expansion.saturating_mul(shape.length)))
+    {
+        return Err(shape.refuse(
+            "chunks of a wrong size",
+            "save it with chunks of about 1 MB",
+        ));
+    }
+    Ok(chunk.get(axis).map_or(1, |c| *c as u64))
+}
+
 fn contiguous(dataset: &Dataset, shape: &Shape<'_>) -> Result<Storage, Failure> {
     let bytes = shape.rows * shape.record as u64;
     match dataset.offset() {

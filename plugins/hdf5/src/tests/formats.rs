@@ -216,7 +216,7 @@ fn threads_and_selections_do_not_change_values() {
         one.f64("x").unwrap()[69_999],
         f64::from(locs(70_000)[69_999].x) * 100.0
     );
-    let info = inspect(&path, None).unwrap();
+    let info = inspect(&path, &Default::default()).unwrap();
     let mut y = vec![0.0; 70_000];
     let mut sinks = [Sink {
         column: "y",
@@ -230,7 +230,7 @@ fn threads_and_selections_do_not_change_values() {
 fn memory_that_does_not_fit_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = picasso(folder.path(), 10, None);
-    let table = &inspect(&path, None).unwrap().tables[0];
+    let table = &inspect(&path, &Default::default()).unwrap().tables[0];
     let (mut short, mut right, mut single) = (vec![0.0; 9], vec![0.0; 10], vec![0.0_f32; 10]);
     let cases = [
         Sink {

@@ -3,9 +3,11 @@
 mod damage;
 mod expected;
 mod formats;
+mod others;
 mod packed;
 mod real;
 mod write;
+mod written;
 
 use std::path::{Path, PathBuf};
 
@@ -36,7 +38,7 @@ fn failure(path: &Path) -> Failure {
 
 /// Any numeric column as f64.
 fn numbers(table: &Object, name: &str) -> Vec<f64> {
-    use puncta_sdk::Element::{F32, F64, I16, I32, U32};
+    use puncta_sdk::Element::{F32, F64, I16, I32, I64, U32};
     match table.header.column(name).expect(name).type_.element {
         F64 => table.f64(name).unwrap(),
         F32 => table
@@ -63,6 +65,10 @@ fn numbers(table: &Object, name: &str) -> Vec<f64> {
             .into_iter()
             .map(f64::from)
             .collect(),
+        I64 => {
+            let values = table.numbers(0, name, I64, i64::from_ne_bytes).unwrap();
+            values.into_iter().map(|v| v as f64).collect()
+        }
         other => panic!("{name} is {}", other.name()),
     }
 }
