@@ -49,6 +49,7 @@ const FORMATS: &[&str] = &[
     "Spot-On text",
     "saspt text",
     "pyMINFLUX text",
+    "Puncta text",
     "csv",
     "tsv",
 ];
