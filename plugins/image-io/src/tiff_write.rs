@@ -1,5 +1,6 @@
 //! The writer `puncta.image.tiff.write/1`.
 
+use crate::calibration::ome_text;
 use crate::imagej::{Description, resolution};
 use crate::levels::{Levels, NumberType};
 use crate::limits::display;
@@ -45,7 +46,8 @@ impl Operation for TiffWrite {
                 "Writes an image as TIFF with the size of its pixels, its origin and the order of \
                  its planes as ImageJ reads them. Numbers keep their type unless another is \
                  chosen; where whole numbers are scaled, the file says how, and ImageJ shows the \
-                 values. Above 4 GB the file is a BigTIFF.",
+                 values. Above 4 GB the file is a BigTIFF. A name that ends with .ome.tif makes \
+                 it OME-TIFF.",
             )
             .input(Ports::image("image"))
             .example(json!({}))
@@ -86,11 +88,25 @@ impl Operation for TiffWrite {
             unit: unit.map_or("1", |column| column.unit.as_str()),
             comment: self.comment.as_deref(),
         };
+        let file = job.file()?;
+        let lower = file.name.to_lowercase();
+        let ome = lower.ends_with(".ome.tif") || lower.ends_with(".ome.tiff");
+        let text = match ome_type(levels.format(&pixels)).filter(|_| ome && levels.linear.is_none())
+        {
+            Some(name) => ome_text(info, name, description.unit, self.comment.as_deref()),
+            None => description.text(info),
+        };
+        if ome && !text.starts_with("<?xml") {
+            job.warn(
+                "OME-TIFF cannot say how numbers were scaled; the file has ImageJ's description",
+            );
+        }
         let stack = Stack {
             info,
             pixels,
             levels,
-            description: description.text(info),
+            // Texts of TIFF are ASCII; OME's are UTF-8 in all programs, as references they are both.
+            description: ascii(&text),
         };
         let path = Path::new(&job.file()?.path);
         write(&stack, path, job)
@@ -98,6 +114,30 @@ impl Operation for TiffWrite {
 }
 
 puncta_sdk::register!(TiffWrite);
+
+/// What OME calls numbers of so many bits and this sample format.
+fn ome_type((bits, format): (u16, u16)) -> Option<&'static str> {
+    Some(match (bits, format) {
+        (8, 1) => "uint8",
+        (16, 1) => "uint16",
+        (32, 1) => "uint32",
+        (8, 2) => "int8",
+        (16, 2) => "int16",
+        (32, 2) => "int32",
+        (32, 3) => "float",
+        (64, 3) => "double",
+        _ => return None,
+    })
+}
+
+/// Letters beyond ASCII as references of XML; ImageJ's text has none.
+fn ascii(text: &str) -> String {
+    let letter = |c: char| match c.is_ascii() {
+        true => c.to_string(),
+        false => format!("&#{};", u32::from(c)),
+    };
+    text.chars().map(letter).collect()
+}
 
 /// A rendered image for the examples.
 pub(crate) fn example_image() -> Step {
