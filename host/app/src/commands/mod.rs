@@ -8,9 +8,9 @@ mod op;
 mod ops;
 mod plugins;
 mod project;
+mod readers;
 mod recipe;
 mod replay;
-mod readers;
 mod run;
 
 pub use check::one as check_one;
