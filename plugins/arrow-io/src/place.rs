@@ -195,12 +195,12 @@ fn as_f64(planned: &Planned, array: &ArrayRef, to: &mut [f64]) -> Result<(), Fai
     if array.len() != to.len() {
         return Err(changed(planned));
     }
-    let factor = planned.factor;
+    let (factor, minus) = (planned.factor, planned.minus);
     macro_rules! convert {
         ($type:ty, $value:ident => $number:expr) => {{
             let values = array.as_primitive::<$type>().values();
             for (to, $value) in to.iter_mut().zip(values.iter().copied()) {
-                *to = $number * factor;
+                *to = $number * factor - minus;
             }
         }};
     }
@@ -220,7 +220,7 @@ fn as_f64(planned: &Planned, array: &ArrayRef, to: &mut [f64]) -> Result<(), Fai
         DataType::Boolean => {
             let values = array.as_boolean();
             for (i, to) in to.iter_mut().enumerate() {
-                *to = f64::from(u8::from(values.value(i)));
+                *to = f64::from(u8::from(values.value(i))) * factor - minus;
             }
         }
         _ => return Err(changed(planned)),

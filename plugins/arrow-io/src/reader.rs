@@ -4,13 +4,14 @@ use crate::ipc::Ipc;
 use crate::parquet_file::{BATCH, Column, Parquet};
 use crate::place::{Gathered, numbers};
 use crate::schema::{self, How, Plan as Columns, Planned};
-use arrow_array::Array;
-use puncta_sdk::documents::units::Unit;
+use arrow_array::{Array, RecordBatch};
 use puncta_sdk::output::{ColumnMut, OutputObject};
 use puncta_sdk::prelude::*;
 use puncta_sdk::run;
 use puncta_sdk::serde_json::json;
+use puncta_shared_import::MappingParams;
 use puncta_shared_records::{damaged, open, split::front};
+use std::collections::BTreeSet;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 const PORT: &str = "localisations";
@@ -27,29 +28,17 @@ const EXAMPLE_PARQUET: &[u8] = include_bytes!("../data/example.parquet");
 /// Reads a table from an Arrow IPC file or stream.
 #[derive(Debug, Params)]
 pub struct ReadIpc {
-    /// Unit of lengths whose unit the file does not state, such as nm or um.
-    #[param(default = "")]
-    unit: String,
+    /// The explicit mapping of columns and units.
+    #[param(flatten)]
+    mapping: MappingParams,
 }
 
 /// Reads a table from a Parquet file.
 #[derive(Debug, Params)]
 pub struct ReadParquet {
-    /// Unit of lengths whose unit the file does not state, such as nm or um.
-    #[param(default = "")]
-    unit: String,
-}
-
-fn check_unit(unit: &str) -> Result<(), Failure> {
-    let nm = Unit::parse("nm");
-    let length = Unit::parse(unit)
-        .zip(nm)
-        .is_some_and(|(a, b)| a.same_dimension(b));
-    if unit.is_empty() || length {
-        return Ok(());
-    }
-    let message = format!("\"{unit}\" is no unit of length");
-    Err(Failure::bad_parameter("unit", message).remedy("give nm, um, mm or m"))
+    /// The explicit mapping of columns and units.
+    #[param(flatten)]
+    mapping: MappingParams,
 }
 
 fn plan_of(columns: &Columns, rows: u64, format: &str) -> Plan {
@@ -121,11 +110,11 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 
 impl ReadIpc {
     fn open(&self, request: &Request) -> Result<(Ipc, Columns), Failure> {
-        check_unit(&self.unit)?;
+        let mapping = self.mapping.mapping()?;
         let opened = open(request, 64)?;
         let ipc = Ipc::open(&opened.name, opened.file, opened.length, &opened.head)?;
         let missing = |field: usize| ipc.missing.get(field).is_none_or(|count| *count > 0);
-        let columns = schema::plan(&opened.name, &ipc.schema, &missing, &self.unit)?;
+        let columns = schema::plan(&opened.name, &ipc.schema, &missing, &mapping)?;
         Ok((ipc, columns))
     }
 }
@@ -167,15 +156,22 @@ impl Operation for ReadIpc {
             all.collect()
         };
         let (texts, rest) = (chosen(true), chosen(false));
+        // Each field once, in the order of the file; two columns may come from one.
         let fields = |places: &[usize]| -> Vec<usize> {
-            places
-                .iter()
-                .map(|place| columns.columns[*place].field)
-                .collect()
+            let fields = places.iter().map(|place| columns.columns[*place].field);
+            fields.collect::<BTreeSet<usize>>().into_iter().collect()
         };
+        let (text_fields, rest_fields) = (fields(&texts), fields(&rest));
+        let array = |batch: &RecordBatch, fields: &[usize], place: usize| {
+            let field = columns.columns[place].field;
+            let at = fields.iter().position(|known| *known == field)?;
+            batch.columns().get(at).cloned()
+        };
+        let short = || Failure::internal("a batch has too few columns");
         if !texts.is_empty() {
-            ipc.batches(&fields(&texts), job, &mut |batch| {
-                for (place, array) in texts.iter().zip(batch.columns()) {
+            ipc.batches(&text_fields, job, &mut |batch| {
+                for place in &texts {
+                    let array = array(batch, &text_fields, *place).ok_or_else(short)?;
                     gathered[*place].add(&columns.columns[*place], array.as_ref())?;
                 }
                 Ok(())
@@ -193,7 +189,7 @@ impl Operation for ReadIpc {
                 targets.push(column);
             }
         }
-        ipc.batches(&fields(&rest), job, &mut |batch| {
+        ipc.batches(&rest_fields, job, &mut |batch| {
             let rows = batch.num_rows();
             if let Some(committer) = &ahead {
                 committer.commit(0, rows as u64)?;
@@ -205,10 +201,9 @@ impl Operation for ReadIpc {
             let parts: Vec<_> = parts.collect();
             let copied = run::map(job, parts.len(), &|i| {
                 let planned = &columns.columns[rest[i]];
-                match (lock(&parts[i]).take(), batch.columns().get(i)) {
-                    (Some(part), Some(array)) => numbers(planned, array, part),
-                    _ => Err(Failure::internal("a batch has too few columns")),
-                }
+                let array = array(batch, &rest_fields, rest[i]).ok_or_else(short)?;
+                let part = lock(&parts[i]).take();
+                numbers(planned, &array, part.ok_or_else(short)?)
             });
             copied.into_iter().collect()
         })?;
@@ -219,11 +214,11 @@ impl Operation for ReadIpc {
 
 impl ReadParquet {
     fn open(&self, request: &Request) -> Result<(Parquet, Columns), Failure> {
-        check_unit(&self.unit)?;
+        let mapping = self.mapping.mapping()?;
         let opened = open(request, 64)?;
         let file = Parquet::open(&opened.name, &opened.path, opened.length, &opened.head)?;
         let missing = |field: usize| file.may_miss(field);
-        let columns = schema::plan(&opened.name, file.schema(), &missing, &self.unit)?;
+        let columns = schema::plan(&opened.name, file.schema(), &missing, &mapping)?;
         let bytes = columns
             .columns
             .iter()

@@ -3,7 +3,8 @@
 use crate::fields;
 use arrow_schema::{DataType, Field, Schema};
 use puncta_sdk::{ColumnInfo, Element, Failure, Header};
-use puncta_shared_records::names;
+use puncta_shared_import::{Mapping, Unit};
+use puncta_shared_records::names::{self, Placed, Raw};
 use puncta_shared_records::unsupported;
 
 /// How values get into a column.
@@ -28,8 +29,10 @@ pub struct Planned {
     pub info: ColumnInfo,
     /// How.
     pub how: How,
-    /// For numbers.
+    /// For numbers: what they are multiplied with ...
     pub factor: f64,
+    /// ... and what is then taken away.
+    pub minus: f64,
 }
 
 /// A file's columns.
@@ -65,62 +68,63 @@ impl Plan {
     }
 }
 
-/// Plans the columns. `missing` says of a field whether it may have missing values; `lengths` is
-/// the unit of lengths that have none.
+/// Plans the columns. `missing` says of a field whether it may have missing values; what the person
+/// says wins over what the file says.
 pub fn plan(
     file: &str,
     schema: &Schema,
     missing: &dyn Fn(usize) -> bool,
-    lengths: &str,
+    mapping: &Mapping,
 ) -> Result<Plan, Failure> {
     let mut header = fields::header(schema);
     let foreign = fields::foreign(schema);
     if !foreign.is_empty() {
         header.metadata.insert("arrow".into(), foreign.into());
     }
-    let mut plan = Plan {
-        columns: Vec::new(),
-        header,
-        notes: Vec::new(),
-    };
-    let (mut left, mut gaps) = (Vec::new(), Vec::new());
+    let (mut left, mut gaps, mut found) = (Vec::new(), Vec::new(), Vec::new());
     for (place, field) in schema.fields().iter().enumerate() {
         let may_miss = field.is_nullable() && missing(place);
-        match planned(place, field, may_miss, lengths) {
-            Some(column) => {
-                let whole = column.how == How::Number && is_whole(field.data_type());
-                if whole && may_miss {
-                    gaps.push(column.info.name.clone());
+        match look(place, field, may_miss) {
+            Some(one) => {
+                if one.how == How::Number && is_whole(field.data_type()) {
+                    gaps.push(one.raw.named.name.clone());
                 }
-                plan.columns.push(column);
+                found.push(one);
             }
             None => left.push(format!("{} ({})", field.name(), field.data_type())),
         }
     }
-    if plan.columns.is_empty() {
+    if found.is_empty() {
         let message = format!("{file} has no column of numbers or texts");
         return Err(unsupported(
             message,
             "flatten its columns and write it again",
         ));
     }
-    names::unique(plan.columns.iter_mut().map(|column| &mut column.info));
+    let raw: Vec<Raw> = found.iter().map(|one| one.raw.clone()).collect();
+    let (placed, mut notes) = names::place(file, mapping, &raw)?;
+    let silent = *mapping == Mapping::default();
+    let columns = placed
+        .into_iter()
+        .filter_map(|one| Some(planned(found.get(one.place)?, one, silent)));
+    let columns = columns.collect();
     if !left.is_empty() {
         let list = left.join(", ");
-        plan.notes.push(format!(
+        notes.push(format!(
             "Left out of {file}, as they are no numbers or texts: {list}."
         ));
     }
     if !gaps.is_empty() {
         let list = gaps.join(", ");
-        plan.notes.push(format!(
+        notes.push(format!(
             "Integers with missing values became f64 with NaN: {list}."
         ));
     }
-    let infos = plan.columns.iter().map(|column| &column.info);
-    plan.notes
-        .extend(names::unit_note(file, infos, "unit, such as nm or um"));
-    Ok(plan)
+    Ok(Plan {
+        columns,
+        header,
+        notes,
+    })
 }
 
 fn is_whole(type_: &DataType) -> bool {
@@ -150,7 +154,16 @@ fn element(type_: &DataType) -> Option<(Element, How)> {
     })
 }
 
-fn planned(place: usize, field: &Field, may_miss: bool, lengths: &str) -> Option<Planned> {
+/// A field that is read.
+struct Found {
+    field: usize,
+    raw: Raw,
+    how: How,
+    /// The column that it was in a table of the host.
+    own: Option<ColumnInfo>,
+}
+
+fn look(place: usize, field: &Field, may_miss: bool) -> Option<Found> {
     let (mut element, mut how, width) = match field.data_type() {
         DataType::FixedSizeList(item, count) => {
             let (element, how) = self::element(item.data_type())?;
@@ -170,34 +183,60 @@ fn planned(place: usize, field: &Field, may_miss: bool, lengths: &str) -> Option
     if may_miss && is_whole(field.data_type()) {
         (element, how) = (Element::F64, How::Number);
     }
-    if let Some(info) = fields::own(field).filter(|_| how != How::Number) {
-        return Some(Planned {
-            field: place,
-            info,
-            how,
-            factor: 1.0,
-        });
+    let own = fields::own(field).filter(|_| how != How::Number);
+    let mut raw = match &own {
+        Some(info) => {
+            let description = info.description.as_deref().unwrap_or("");
+            Raw::new(&info.name, &info.name, &info.unit, element).described(description)
+        }
+        None => Raw::named(field.name(), element, stated(field)),
+    };
+    raw.type_.width = width;
+    if matches!(how, How::Text | How::Dictionary)
+        || (element == Element::Bool && raw.named.unit.is_none())
+    {
+        raw.named.unit = Some(Unit::plain("1"));
     }
-    let (mut info, factor) = names::column(field.name(), element, stated(field), lengths);
-    info.type_.width = width;
-    let place_ = matches!(info.role.as_deref(), Some("position" | "error")) && width == 1;
-    if matches!(how, How::Text | How::Dictionary) {
-        (info.unit, info.role) = ("1".into(), None);
-    } else if width > 1 && factor != 1.0 {
-        // Lists keep their unit.
-        info.unit = stated(field).unwrap_or(names::UNKNOWN).into();
-    } else if (factor != 1.0 || place_) && how == How::Same && element != Element::Bool {
-        (info.type_.element, how) = (Element::F64, How::Number);
-    }
-    if element == Element::Bool && info.unit == names::UNKNOWN {
-        info.unit = "1".into();
-    }
-    Some(Planned {
+    Some(Found {
         field: place,
-        info,
+        raw,
         how,
-        factor: if how == How::Number { factor } else { 1.0 },
+        own,
     })
+}
+
+/// The column for a field. Without a word of the person's, a table of the host stays as it was.
+fn planned(found: &Found, placed: Placed, silent: bool) -> Planned {
+    let converts = placed.converts() || placed.minus != 0.0;
+    let mut planned = Planned {
+        field: found.field,
+        info: placed.info,
+        how: found.how,
+        factor: placed.factor,
+        minus: placed.minus,
+    };
+    let list = planned.info.type_.width > 1;
+    match &found.own {
+        Some(own) if silent => {
+            planned.info = own.clone();
+            (planned.factor, planned.minus) = (1.0, 0.0);
+        }
+        _ if matches!(found.how, How::Text | How::Dictionary) => planned.info.role = None,
+        _ if list => {
+            // Lists keep their numbers, and with them their unit.
+            if converts {
+                let unit = found.raw.named.unit.as_ref();
+                let plain = unit.filter(|unit| !unit.converts() && !unit.is_pixel());
+                planned.info.unit =
+                    plain.map_or_else(|| names::UNKNOWN.into(), |unit| unit.name.clone());
+            }
+        }
+        _ if converts && found.how == How::Same => {
+            (planned.info.type_.element, planned.how) = (Element::F64, How::Number);
+        }
+        _ => {}
+    }
+    planned
 }
 
 /// The unit that a field's metadata state.

@@ -219,7 +219,7 @@ fn what_is_left_out_and_what_is_unknown_is_said() {
     );
     let wrong = Call::of::<ReadIpc>()
         .file(&path)
-        .set("unit", "photon")
+        .set("units", "furlong")
         .prepare();
     assert_eq!(wrong.unwrap_err().code, FailureCode::BadParameter);
 }
@@ -284,4 +284,43 @@ fn cancel_stops_reading_and_writing() {
         .cancel_after(2)
         .run();
     assert!(stopped.unwrap_err().is_cancelled());
+}
+
+/// Reads both files with pyarrow: rows, names, units, a sum, texts.
+const PYTHON: &str = "
+import sys, pyarrow.ipc, pyarrow.parquet
+for table in [pyarrow.ipc.open_file(sys.argv[1]).read_all(), pyarrow.parquet.read_table(sys.argv[2])]:
+    field = table.schema.field('x')
+    print(table.num_rows, field.type, field.metadata[b'unit'].decode(), sum(table['x'].to_pylist()),
+          table['note'][1].as_py(), table['id'][0].as_py())
+";
+
+/// Skipped with a message where there is no Python with pyarrow.
+#[test]
+fn pyarrow_opens_what_is_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let (ipc, parquet) = (
+        folder.path().join("a.arrow"),
+        folder.path().join("a.parquet"),
+    );
+    write::<WriteIpc>(&ipc, table(5), &[("compression", "lz4")]);
+    write::<WriteParquet>(&parquet, table(5), &[]);
+    let mut python = std::process::Command::new("python3");
+    let run = python.args(["-c", PYTHON]).args([&ipc, &parquet]).output();
+    let Some(output) = run.ok().filter(|output| {
+        output.status.success()
+            || !String::from_utf8_lossy(&output.stderr).contains("ModuleNotFound")
+    }) else {
+        println!("skipped: there is no python3 with pyarrow");
+        return;
+    };
+    let text = String::from_utf8_lossy(&output.stdout);
+    let line = "5 double nm 1.0 näher 18446744073709551615";
+    let lines: Vec<&str> = text.lines().collect();
+    assert_eq!(
+        lines,
+        [line, line],
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
 }

@@ -5,8 +5,10 @@ use crate::tree;
 use flate2::read::ZlibDecoder;
 use puncta_sdk::prelude::*;
 use puncta_sdk::serde_json::{self, Value, json};
+use puncta_shared_import::{Mapping, MappingParams};
+use puncta_shared_records::names::{self, Raw};
 use puncta_shared_records::{
-    Field, Number, Opened, Pass, Source, Stored, damaged, fill, names, not_mine, open, unsupported,
+    Field, Number, Opened, Pass, Source, Stored, damaged, fill, not_mine, open, unsupported,
 };
 use std::io::{BufReader, Read, Seek, SeekFrom};
 
@@ -20,9 +22,9 @@ const MOST_COLUMNS: u64 = 4096;
 /// Reads localisations from an .asdf file of locan.
 #[derive(Debug, Params)]
 pub struct ReadAsdf {
-    /// Unit of lengths whose unit the file does not state, such as nm or um.
-    #[param(default = "")]
-    unit: String,
+    /// The explicit mapping of columns and units.
+    #[param(flatten)]
+    mapping: MappingParams,
 }
 
 /// How the array lies in its block.
@@ -142,7 +144,8 @@ impl Found {
         list.iter().find(said)?.get("unit")?.as_str()
     }
 
-    fn fields(&self, lengths: &str) -> (Vec<Field>, Map) {
+    /// The columns, what the tree says besides, and notes.
+    fn fields(&self, mapping: &Mapping) -> Result<(Vec<Field>, Map, Vec<String>), Failure> {
         let mut tree = self.tree.clone();
         for key in ["columns", "asdf_library", "history"] {
             tree.remove(key);
@@ -151,38 +154,42 @@ impl Found {
         let meta = tree.get("meta").and_then(Value::as_str);
         let meta: Option<Value> = meta.and_then(|text| serde_json::from_str(text).ok());
         let size = self.stored.number.bytes();
-        let mut fields = Vec::new();
+        let (mut raw, mut fields) = (Vec::new(), Vec::new());
         for (place, column) in self.columns.iter().enumerate() {
             let stated = meta.as_ref().and_then(|meta| self.unit(meta, column));
             let element = self.stored.number.element();
-            let (info, factor) = names::column(column, element, stated, lengths);
-            let position = matches!(info.role.as_deref(), Some("position" | "error"));
-            let at = if self.order == Order::Rows {
-                place * size
-            } else {
-                0
-            };
-            let field = Field::new(info, self.stored, at);
-            fields.push(if position || factor != 1.0 {
-                field.scaled(factor)
-            } else {
-                field
-            });
+            raw.push(Raw::named(column, element, stated));
+            let info = ColumnInfo::new(column, element, "");
+            fields.push(Field::new(info, self.stored, place * size));
         }
-        names::unique(fields.iter_mut().map(|field| &mut field.info));
+        let (fields, notes) = names::fields(&self.opened.name, mapping, &raw, &fields)?;
         if let Some(meta) = meta {
             tree.insert("meta".into(), meta);
         }
-        (fields, tree)
+        Ok((fields, tree, notes))
     }
 
-    fn header(&self, lengths: &str) -> (Vec<Field>, Header) {
-        let (fields, tree) = self.fields(lengths);
+    fn header(&self, mapping: &Mapping) -> Result<(Vec<Field>, Header, Vec<String>), Failure> {
+        let (fields, tree, notes) = self.fields(mapping)?;
         let infos = fields.iter().map(|field| field.info.clone());
         let mut header = Header::table(PORT, self.rows, infos.collect());
         header.metadata.insert("format".into(), "locan asdf".into());
         header.metadata.insert("asdf".into(), tree.into());
-        (fields, header)
+        Ok((fields, header, notes))
+    }
+
+    /// The decompressed block from the array's column `place` on.
+    fn unpack(&self, place: u64) -> Result<impl Read + '_, Failure> {
+        let name = &self.opened.name;
+        let broken = |_| damaged(format!("the block of {name} is damaged"));
+        let mut file = BufReader::with_capacity(1 << 18, &self.opened.file);
+        file.seek(SeekFrom::Start(self.block.begin))
+            .map_err(broken)?;
+        let mut stream = ZlibDecoder::new(file.take(self.block.used)).take(self.block.size);
+        let before = self.offset + place * self.rows * self.stored.number.bytes() as u64;
+        let mut before = stream.by_ref().take(before);
+        std::io::copy(&mut before, &mut std::io::sink()).map_err(broken)?;
+        Ok(stream)
     }
 }
 
@@ -197,25 +204,19 @@ impl Operation for ReadAsdf {
             )
             .formats(&[BEGIN], &["locan asdf"])
             .output(Ports::table(PORT).description("One row a localisation."))
-            .example(json!({ "unit": "nm" }))
+            .example(json!({ "units": "nm" }))
             .example_bytes("example.asdf", EXAMPLE)
     }
 
     fn prepare(&self, request: &Request) -> Result<Plan, Failure> {
         let found = find(request)?;
-        let (_, header) = found.header(&self.unit);
+        let (_, header, notes) = found.header(&self.mapping.mapping()?)?;
         let mut plan = Plan {
             interruptible: true,
             memory: 64 << 20,
+            notes,
             ..Plan::default()
         };
-        let infos = header.parts.first().map(|part| part.columns.iter());
-        let infos = infos.into_iter().flatten();
-        plan.notes.extend(names::unit_note(
-            &found.opened.name,
-            infos,
-            "unit, such as nm or um",
-        ));
         plan.outputs.push(Output {
             output: PORT.into(),
             form: OutputForm::Object,
@@ -231,57 +232,70 @@ impl Operation for ReadAsdf {
 
     fn run(&self, job: &Job) -> Result<(), Failure> {
         let found = find(job.request())?;
-        let (fields, header) = found.header(&self.unit);
+        let (fields, header, _) = found.header(&self.mapping.mapping()?)?;
         let mut out = job.begin(PORT, header)?;
         let committer = out.committer();
         let (size, block) = (found.stored.number.bytes(), found.block);
         let mut targets = out.columns_mut(0)?;
-        let name = &found.opened.name;
-        let broken = |_| damaged(format!("the block of {name} is damaged"));
-        let mut unpacked = None;
-        if block.packed {
-            let mut file = BufReader::with_capacity(1 << 18, &found.opened.file);
-            file.seek(SeekFrom::Start(block.begin)).map_err(broken)?;
-            let mut stream = ZlibDecoder::new(file.take(block.used));
-            let mut before = stream.by_ref().take(found.offset);
-            std::io::copy(&mut before, &mut std::io::sink()).map_err(broken)?;
-            unpacked = Some(stream.take(block.size - found.offset));
-        }
         let mut pass = Pass {
-            name,
+            name: &found.opened.name,
             rows: found.rows,
-            record: size * fields.len(),
+            record: size * found.columns.len(),
             fields: &fields,
             select: None,
         };
         let begin = block.begin + found.offset;
         if found.order == Order::Rows {
-            let source = match &mut unpacked {
-                Some(stream) => Source::Stream(stream),
-                None => Source::File(&found.opened.file, begin),
-            };
-            fill(
-                source,
-                &pass,
-                &mut targets,
-                &mut |rows| committer.commit(0, rows),
-                job,
-            )?;
+            let mut commit = |rows| committer.commit(0, rows);
+            if block.packed {
+                let mut stream = found.unpack(0)?;
+                fill(
+                    Source::Stream(&mut stream),
+                    &pass,
+                    &mut targets,
+                    &mut commit,
+                    job,
+                )?;
+            } else {
+                let source = Source::File(&found.opened.file, begin);
+                fill(source, &pass, &mut targets, &mut commit, job)?;
+            }
             drop(targets);
             return out.finish();
         }
         pass.record = size;
         committer.commit(0, found.rows)?;
-        for (place, (field, target)) in fields.iter().zip(targets).enumerate() {
-            pass.fields = std::slice::from_ref(field);
-            let source = match &mut unpacked {
-                Some(stream) => Source::Stream(stream),
-                None => {
-                    let column = place as u64 * found.rows * size as u64;
-                    Source::File(&found.opened.file, begin + column)
-                }
+        let mut unpacked = None;
+        for (field, target) in fields.iter().zip(targets) {
+            let place = (field.at / size) as u64;
+            let column = [Field {
+                at: 0,
+                ..field.clone()
+            }];
+            let pass = Pass {
+                fields: &column,
+                ..pass
             };
-            fill(source, &pass, &mut [target], &mut |_| Ok(()), job)?;
+            let mut targets = [target];
+            if !block.packed {
+                let source =
+                    Source::File(&found.opened.file, begin + place * found.rows * size as u64);
+                fill(source, &pass, &mut targets, &mut |_| Ok(()), job)?;
+                continue;
+            }
+            // The next column is where the last one ended, unless the mapping left one out.
+            let mut stream = match unpacked.take() {
+                Some((next, stream)) if next == place => stream,
+                _ => found.unpack(place)?,
+            };
+            fill(
+                Source::Stream(&mut stream),
+                &pass,
+                &mut targets,
+                &mut |_| Ok(()),
+                job,
+            )?;
+            unpacked = Some((place + 1, stream));
         }
         out.finish()
     }

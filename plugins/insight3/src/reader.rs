@@ -5,9 +5,9 @@
 
 use puncta_sdk::prelude::*;
 use puncta_sdk::serde_json::json;
-use puncta_shared_records::{
-    Field, Number, Opened, Pass, Source, damaged, fill, names, not_mine, open,
-};
+use puncta_shared_import::MappingParams;
+use puncta_shared_records::names::{self, Raw};
+use puncta_shared_records::{Field, Number, Opened, Pass, Source, damaged, fill, not_mine, open};
 
 const PORT: &str = "localisations";
 const MAGIC: &[u8] = b"M425";
@@ -24,10 +24,10 @@ const FIELDS: [Known; 18] = [
     ("y", "y_raw", true, "px", "Position as it was fitted"),
     ("xc", "x", true, "px", "Position, corrected for drift"),
     ("yc", "y", true, "px", "Position, corrected for drift"),
-    ("h", "height", true, "unknown", "Height of the spot"),
-    ("a", "A", true, "unknown", "Area under the spot"),
+    ("h", "height", true, "", "Height of the spot"),
+    ("a", "A", true, "", "Area under the spot"),
     ("w", "width", true, "nm", "Width of the spot"),
-    ("phi", "phi", true, "unknown", "Angle of the spot"),
+    ("phi", "phi", true, "", "Angle of the spot"),
     (
         "ax",
         "aspect",
@@ -35,7 +35,7 @@ const FIELDS: [Known; 18] = [
         "1",
         "Width along y over width along x",
     ),
-    ("bg", "background", true, "unknown", "Background"),
+    ("bg", "background", true, "", "Background"),
     (
         "i",
         "intensity",
@@ -73,40 +73,22 @@ const FIELDS: [Known; 18] = [
 /// Reads localisations from an Insight3 molecule list.
 #[derive(Debug, Params)]
 pub struct ReadInsight3 {
-    /// Camera pixel, which the file does not state.
-    #[param(min = 0.001, max = 1e6, unit = "nm")]
-    pixel_size: Option<f64>,
+    /// The explicit mapping of columns and units.
+    #[param(flatten)]
+    mapping: MappingParams,
 }
 
 impl ReadInsight3 {
-    fn fields(&self) -> Vec<Field> {
-        let field = |(i, (source, name, float, unit, text)): (usize, &Known)| {
+    fn fields(&self, file: &str) -> Result<(Vec<Field>, Vec<String>), Failure> {
+        let (mut raw, mut fields) = (Vec::new(), Vec::new());
+        for (i, (source, name, float, unit, text)) in FIELDS.iter().enumerate() {
             let number = if *float { Number::F32 } else { Number::I32 };
-            let info = ColumnInfo::new(*name, number.element(), *unit).source(*source);
-            let mut info = info.description(*text);
-            info.role = names::role(name).map(str::to_owned);
-            let place = info.role.as_deref() == Some("position");
-            let mut factor = 1.0;
-            if *unit == "px" {
-                factor = self.pixel_size.unwrap_or(1.0);
-                info.unit = if self.pixel_size.is_some() {
-                    "nm"
-                } else {
-                    names::UNKNOWN
-                }
-                .into();
-                if self.pixel_size.is_none() {
-                    info = info.description(format!("{text}, in camera pixels"));
-                }
-            }
-            let field = Field::new(info, number.little(), 4 * i);
-            match *name {
-                "t" => field.from_one(),
-                _ if place || factor != 1.0 => field.scaled(factor),
-                _ => field,
-            }
-        };
-        FIELDS.iter().enumerate().map(field).collect()
+            let one = Raw::new(source, name, unit, number.element()).described(text);
+            raw.push(if *name == "t" { one.from_one() } else { one });
+            let info = ColumnInfo::new(*source, number.element(), "");
+            fields.push(Field::new(info, number.little(), 4 * i));
+        }
+        names::fields(file, &self.mapping.mapping()?, &raw, &fields)
     }
 }
 
@@ -159,15 +141,13 @@ impl Operation for ReadInsight3 {
 
     fn prepare(&self, request: &Request) -> Result<Plan, Failure> {
         let (opened, frames, rows) = look(request)?;
-        let fields = self.fields();
+        let (fields, notes) = self.fields(&opened.name)?;
         let mut plan = Plan {
             interruptible: true,
             memory: 32 << 20,
+            notes,
             ..Plan::default()
         };
-        let infos = fields.iter().map(|field| &field.info);
-        plan.notes
-            .extend(names::unit_note(&opened.name, infos, "pixel_size"));
         plan.outputs.push(Output {
             output: PORT.into(),
             form: OutputForm::Object,
@@ -183,7 +163,7 @@ impl Operation for ReadInsight3 {
 
     fn run(&self, job: &Job) -> Result<(), Failure> {
         let (opened, frames, rows) = look(job.request())?;
-        let fields = self.fields();
+        let (fields, _) = self.fields(&opened.name)?;
         let mut out = job.begin(PORT, header(&fields, frames, rows))?;
         let committer = out.committer();
         let pass = Pass {

@@ -5,26 +5,33 @@ use crate::matrix::{Array, Data, Value};
 use crate::tracks;
 use crate::unpack::{load, nothing};
 use puncta_sdk::{ColumnInfo, Element, Failure, Map};
-use puncta_shared_records::{Field, Number, damaged, minflux, names};
+use puncta_shared_import::Mapping;
+use puncta_shared_records::names::{self, Placed, Raw};
+use puncta_shared_records::{Field, Number, damaged, minflux};
 use serde_json::json;
 use std::fs::File;
 
 /// What the person said.
 #[derive(Debug)]
 pub struct Options<'o> {
-    /// Unit of lengths without one.
-    pub lengths: &'o str,
-    /// nm of a camera pixel.
-    pub pixel_size: Option<f64>,
+    /// What the person says of columns and units.
+    pub mapping: &'o Mapping,
     /// Keep rows that are not valid.
     pub all: bool,
-    /// For z.
-    pub z_factor: f64,
 }
 
-/// A column.
-#[derive(Debug)]
-pub enum Column {
+/// A column as the file has it.
+#[derive(Clone, Debug)]
+pub struct Column {
+    /// Its name, unit and type.
+    pub raw: Raw,
+    /// Its values.
+    pub values: Values,
+}
+
+/// Values of a column.
+#[derive(Clone, Debug)]
+pub enum Values {
     /// Numbers of an array, from one of them on.
     Stored {
         /// Number of the variable.
@@ -33,28 +40,20 @@ pub enum Column {
         array: Array,
         /// First value.
         first: usize,
-        /// How it is read.
+        /// How it is read, once it has been placed.
         field: Field,
     },
     /// Numbers gathered from small arrays.
-    Gathered(ColumnInfo, Vec<f64>),
+    Gathered(Vec<f64>),
     /// Whole numbers gathered.
-    Whole(ColumnInfo, Vec<i64>),
+    Whole(Vec<i64>),
 }
 
-impl Column {
-    /// What it is.
-    pub fn info(&self) -> &ColumnInfo {
-        match self {
-            Column::Stored { field, .. } => &field.info,
-            Column::Gathered(info, _) | Column::Whole(info, _) => info,
-        }
-    }
-
-    /// Where it is: the variable, and the byte in it or in the file.
+impl Values {
+    /// Where they are: the variable, and the byte in it or in the file.
     pub fn place(&self) -> (usize, u64) {
         match self {
-            Column::Stored {
+            Values::Stored {
                 variable,
                 array,
                 first,
@@ -64,13 +63,6 @@ impl Column {
                 Data::Kept(_) => (*variable, 0),
             },
             _ => (0, 0),
-        }
-    }
-
-    fn info_mut(&mut self) -> &mut ColumnInfo {
-        match self {
-            Column::Stored { field, .. } => &mut field.info,
-            Column::Gathered(info, _) | Column::Whole(info, _) => info,
         }
     }
 }
@@ -84,8 +76,10 @@ pub struct Table {
     pub confidence: f64,
     /// Rows, valid or not.
     pub rows: usize,
-    /// Columns.
+    /// Columns of the file.
     pub columns: Vec<Column>,
+    /// Columns of the host.
+    pub placed: Vec<Placed>,
     /// Whether rows are those of tracks.
     pub tracks: bool,
     /// Which rows are valid; all if it is empty.
@@ -105,55 +99,57 @@ pub fn find(
 ) -> Result<Table, Failure> {
     let variable = |name: &str| variables.iter().position(|known| known.name == name);
     let tracked = variable("trackedPar").and_then(|at| tracks::spot_on(&variables[at].value));
-    let linked = variable("tracksFinal")
-        .and_then(|at| tracks::u_track(&variables[at].value, options.pixel_size));
-    let saved = variable("saveloc").and_then(|at| smap(at, &variables[at].value, options));
+    let linked = variable("tracksFinal").and_then(|at| tracks::u_track(&variables[at].value));
+    let saved = variable("saveloc").and_then(|at| smap(at, &variables[at].value));
     let mut table = if let Some(table) = tracked.or(linked).or(saved) {
         table
     } else if let Some(table) = microscope(name, file, variables, options)? {
         table
     } else {
-        vectors(variables, options).ok_or_else(|| nothing(name, variables))?
+        vectors(variables).ok_or_else(|| nothing(name, variables))?
     };
-    names::unique(table.columns.iter_mut().map(Column::info_mut));
     let mut left = 500;
     for variable in variables {
         if let Some(value) = tree(&variable.value, &mut left, 0) {
             table.metadata.insert(variable.name.clone(), value);
         }
     }
-    let infos = table.columns.iter().map(Column::info);
-    let remedy = if table.format == "u-track mat" {
-        "pixel_size"
-    } else {
-        "unit, such as nm or um"
-    };
-    table.notes.extend(names::unit_note(name, infos, remedy));
+    let raw: Vec<Raw> = table
+        .columns
+        .iter()
+        .map(|column| column.raw.clone())
+        .collect();
+    let (placed, notes) = names::place(name, options.mapping, &raw)?;
+    table.placed = placed;
+    table.notes.extend(notes);
+    for one in &mut table.placed {
+        if let Some(Values::Stored { array, .. }) = table.columns.get(one.place).map(|c| &c.values)
+        {
+            let float = matches!(array.class, Number::F64 | Number::F32);
+            let same = array.class == array.stored.number;
+            one.info.type_.element = if one.converts() || (float && !same) || one.minus > 0.0 {
+                Element::F64
+            } else {
+                array.stored.number.element()
+            };
+        } else if one.converts() {
+            one.info.type_.element = Element::F64;
+        }
+    }
     Ok(table)
 }
 
 /// A vector as a column.
-fn stored(
-    variable: usize,
-    array: &Array,
-    first: usize,
-    (info, factor): (ColumnInfo, f64),
-) -> Column {
-    let place = matches!(info.role.as_deref(), Some("position" | "error"));
-    let float = matches!(array.class, Number::F64 | Number::F32);
-    let same = array.class == array.stored.number;
+fn stored(variable: usize, array: &Array, first: usize, raw: Raw) -> Column {
+    let info = ColumnInfo::new(&raw.source, array.stored.number.element(), "");
     let field = Field::new(info, array.stored, 0);
-    let field = if factor != 1.0 || place || (float && !same) {
-        field.scaled(factor)
-    } else {
-        field
-    };
-    Column::Stored {
+    let values = Values::Stored {
         variable,
         array: array.clone(),
         first,
         field,
-    }
+    };
+    Column { raw, values }
 }
 
 fn element(array: &Array) -> Element {
@@ -161,7 +157,7 @@ fn element(array: &Array) -> Element {
 }
 
 /// SMAP's `saveloc.loc`.
-fn smap(variable: usize, saved: &Value, options: &Options<'_>) -> Option<Table> {
+fn smap(variable: usize, saved: &Value) -> Option<Table> {
     let Value::Struct {
         names: fields,
         values,
@@ -184,20 +180,14 @@ fn smap(variable: usize, saved: &Value, options: &Options<'_>) -> Option<Table> 
         let Some(array) = value.array().filter(|array| array.count() == rows) else {
             continue;
         };
-        let named = names::column(name, element(array), None, options.lengths);
-        let lateral = name == "locprecnm" && saved.field("loc")?.field("ynmerr").is_none();
-        let mut column = stored(variable, array, 0, named.clone());
-        if name == "frame"
-            && let Column::Stored { field, .. } = &mut column
-        {
-            *field = field.clone().from_one();
+        let mut raw = Raw::named(name, element(array), None);
+        if name == "frame" {
+            raw = raw.from_one();
         }
-        table.columns.push(column);
-        if lateral {
-            let mut twin = named;
-            twin.0.name = "error_y".into();
-            table.columns.push(stored(variable, array, 0, twin));
+        if name == "locprecnm" && saved.field("loc")?.field("ynmerr").is_some() {
+            raw.named.twin = None;
         }
+        table.columns.push(stored(variable, array, 0, raw));
     }
     Some(table)
 }
@@ -231,7 +221,7 @@ fn microscope(
         let Some(array) = variable.value.array() else {
             continue;
         };
-        table.add(place, &variable.name, array, 1, options);
+        table.add(place, &variable.name, array, 1);
         let flag = matches!(variable.name.as_str(), "vld" | "fnl") && !options.all;
         if flag && array.is_vector() && array.count() == rows {
             let bytes = load(name, file, variable, array)?;
@@ -251,11 +241,15 @@ fn microscope(
         };
         for (field, value) in names.iter().zip(values) {
             if let Some(array) = value.array() {
-                table.add(place, field, array, iterations, options);
+                table.add(place, field, array, iterations);
             }
         }
     }
-    match table.columns.iter().any(|column| column.info().name == "x") {
+    match table
+        .columns
+        .iter()
+        .any(|column| column.raw.named.name == "x")
+    {
         true => Ok(Some(table)),
         false => Err(damaged(format!("{name} has no column loc of x, y and z"))),
     }
@@ -263,14 +257,7 @@ fn microscope(
 
 impl Table {
     /// The columns of a MINFLUX field: of the last of its iterations, along each axis.
-    fn add(
-        &mut self,
-        variable: usize,
-        name: &str,
-        array: &Array,
-        iterations: usize,
-        options: &Options<'_>,
-    ) {
+    fn add(&mut self, variable: usize, name: &str, array: &Array, iterations: usize) {
         let (rows, last) = (self.rows, iterations.saturating_sub(1));
         let axes = match *array.sizes {
             _ if array.is_vector() && array.count() == rows => 0,
@@ -282,14 +269,10 @@ impl Table {
         let last = if array.is_vector() { 0 } else { last };
         for axis in 0..axes.max(1) {
             let along = (axes > 0).then_some(axis);
-            let (info, mut factor) = minflux::column(name, along, element(array));
-            if matches!(info.name.as_str(), "z" | "lnc_z") {
-                factor *= options.z_factor;
-            }
+            let raw = minflux::column(name, along, element(array));
             let first = rows * (last + iterations * axis);
             if first + rows <= array.count() {
-                self.columns
-                    .push(stored(variable, array, first, (info, factor)));
+                self.columns.push(stored(variable, array, first, raw));
             }
         }
     }
@@ -297,7 +280,7 @@ impl Table {
 
 /// The vectors of equal length of the file, or of one of its structures, that are most likely a
 /// table: those with x and y, else the longest.
-fn vectors(variables: &[Variable], options: &Options<'_>) -> Option<Table> {
+fn vectors(variables: &[Variable]) -> Option<Table> {
     type Found<'a> = Vec<(usize, String, &'a Array)>;
     fn collect<'a>(at: usize, value: &'a Value, depth: usize, groups: &mut Vec<Found<'a>>) {
         let Value::Struct { names, values } = value else {
@@ -333,10 +316,10 @@ fn vectors(variables: &[Variable], options: &Options<'_>) -> Option<Table> {
             .max()
             .unwrap_or(0);
         let named = |name: &str| {
-            let known = |text: &str| names::known(names::split_unit(text).0).map(|(name, _)| name);
+            let called = |text: &str| Raw::named(text, Element::F64, None).named.name;
             vectors
                 .clone()
-                .find(|(_, text, _)| known(text) == Some(name))
+                .find(|(_, text, _)| called(text) == name)
                 .map(|v| v.2.count())
         };
         let (x, y) = (named("x"), named("y"));
@@ -352,14 +335,9 @@ fn vectors(variables: &[Variable], options: &Options<'_>) -> Option<Table> {
         }
     }
     let (placed, rows, group) = best?;
-    let columns = group.into_iter().map(|(at, name, array)| {
-        stored(
-            at,
-            array,
-            0,
-            names::column(&name, element(array), None, options.lengths),
-        )
-    });
+    let columns = group
+        .into_iter()
+        .map(|(at, name, array)| stored(at, array, 0, Raw::named(&name, element(array), None)));
     Some(Table {
         format: "MATLAB vectors",
         confidence: if placed { 0.7 } else { 0.4 },

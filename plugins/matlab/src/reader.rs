@@ -1,14 +1,16 @@
 //! The reader as an operation.
 
 use crate::container::{Variable, variables};
-use crate::find::{Column, Options, Table, find};
+use crate::find::{Options, Table, Values, find};
 use crate::matrix::Data;
 use crate::unpack::stream;
 use puncta_sdk::output::ColumnMut;
 use puncta_sdk::prelude::*;
 use puncta_sdk::run::Serial;
 use puncta_sdk::serde_json::json;
-use puncta_shared_records::{Opened, Pass, Pick, Source, fill, minflux, open};
+use puncta_shared_import::MappingParams;
+use puncta_shared_records::names::Placed;
+use puncta_shared_records::{Field, Opened, Pass, Pick, Source, fill, minflux, open};
 use std::io::{self, Read};
 
 const PORT: &str = "localisations";
@@ -18,18 +20,12 @@ const HEAD: usize = 128;
 /// Reads localisations or tracks from a MATLAB file of version 5 to 7.
 #[derive(Debug, Params)]
 pub struct ReadMat {
-    /// Unit of lengths whose unit the file does not state, such as nm or um.
-    #[param(default = "")]
-    unit: String,
-    /// Camera pixel, for u-track's positions.
-    #[param(min = 0.001, max = 1e6, unit = "nm")]
-    pixel_size: Option<f64>,
     /// Keep rows of MINFLUX files that are not valid final localisations.
     #[param(default = false)]
     all_rows: bool,
-    /// Multiplies z of MINFLUX files, for the mismatch of refractive indices.
-    #[param(default = 1.0, min = -1000.0, max = 1000.0, unit = "1")]
-    z_factor: f64,
+    /// The explicit mapping of columns and units.
+    #[param(flatten)]
+    mapping: MappingParams,
 }
 
 impl ReadMat {
@@ -41,11 +37,10 @@ impl ReadMat {
         let opened = open(request, HEAD)?;
         let (name, file) = (&opened.name, &opened.file);
         let variables = variables(name, file, opened.length, &opened.head, run)?;
+        let mapping = self.mapping.mapping()?;
         let options = Options {
-            lengths: &self.unit,
-            pixel_size: self.pixel_size,
+            mapping: &mapping,
             all: self.all_rows,
-            z_factor: self.z_factor,
         };
         let table = find(name, file, &variables, &options)?;
         Ok((opened, variables, table))
@@ -53,7 +48,7 @@ impl ReadMat {
 }
 
 fn header(table: &Table) -> Header {
-    let infos = table.columns.iter().map(|column| column.info().clone());
+    let infos = table.placed.iter().map(|placed| placed.info.clone());
     let mut header = Header::table(PORT, table.rows as u64, infos.collect());
     if table.tracks {
         header.shape = Some("tracks".into());
@@ -89,7 +84,7 @@ impl Operation for ReadMat {
                 ],
             )
             .output(Ports::table(PORT).description("One row a localisation."))
-            .example(json!({ "unit": "nm" }))
+            .example(json!({ "units": "nm" }))
             .example_bytes("example.mat", EXAMPLE)
     }
 
@@ -124,30 +119,35 @@ impl Operation for ReadMat {
         };
         committer.commit(0, kept as u64)?;
         let mut stored = Vec::new();
-        for (target, column) in out.columns_mut(0)?.into_iter().zip(&table.columns) {
-            match (column, target) {
-                (Column::Gathered(_, values), ColumnMut::F64(to)) => {
-                    to.iter_mut()
-                        .zip(values)
-                        .for_each(|(to, value)| *to = *value);
-                }
-                (Column::Whole(_, values), ColumnMut::I64(to)) => {
-                    to.iter_mut()
-                        .zip(values)
-                        .for_each(|(to, value)| *to = *value);
-                }
-                (column, target) => stored.push((column.place(), column, target)),
+        for (target, placed) in out.columns_mut(0)?.into_iter().zip(&table.placed) {
+            let column = table.columns.get(placed.place);
+            let column = column.ok_or_else(|| Failure::internal("a column without values"))?;
+            match &column.values {
+                Values::Gathered(values) => gathered(target, values.iter().copied(), placed),
+                #[allow(clippy::cast_precision_loss, clippy::cast_possible_truncation)]
+                Values::Whole(values) => match target {
+                    ColumnMut::I64(to) => {
+                        let minus = placed.minus as i64;
+                        to.iter_mut()
+                            .zip(values)
+                            .for_each(|(to, v)| *to = v.wrapping_sub(minus));
+                    }
+                    target => gathered(target, values.iter().map(|v| *v as f64), placed),
+                },
+                values => stored.push((values.place(), values, placed, target)),
             }
         }
         // In the order of the file, so that what is compressed is decompressed once.
         stored.sort_by_key(|(place, ..)| *place);
         let mut unpacked = Unpacked::default();
-        for (_, column, target) in stored {
+        for (_, values, placed, target) in stored {
+            let field = place(values, placed)?;
+            let array = (values, &field);
             read(
                 &opened,
                 &variables,
                 &table,
-                column,
+                array,
                 target,
                 &mut unpacked,
                 job,
@@ -190,24 +190,43 @@ impl<'f> Unpacked<'f> {
     }
 }
 
+fn gathered(target: ColumnMut<'_>, values: impl Iterator<Item = f64>, placed: &Placed) {
+    if let ColumnMut::F64(to) = target {
+        for (to, value) in to.iter_mut().zip(values) {
+            *to = value * placed.factor - placed.minus;
+        }
+    }
+}
+
+/// How the numbers of an array are read into the column that they become.
+fn place(values: &Values, placed: &Placed) -> Result<Field, Failure> {
+    let Values::Stored { field, .. } = values else {
+        return Err(Failure::internal("a column without an array"));
+    };
+    let mut field = field.clone();
+    (field.factor, field.shift) = (placed.factor, -placed.minus);
+    field.info = placed.info.clone();
+    Ok(field)
+}
+
 /// Reads a column from its array.
 fn read<'f>(
     opened: &'f Opened,
     variables: &[Variable],
     table: &Table,
-    column: &Column,
+    (values, field): (&Values, &Field),
     target: ColumnMut<'_>,
     unpacked: &mut Unpacked<'f>,
     job: &Job,
 ) -> Result<(), Failure> {
-    let Column::Stored {
+    let Values::Stored {
         variable,
         array,
         first,
-        field,
-    } = column
+        ..
+    } = values
     else {
-        return Err(Failure::internal("a column of another type"));
+        return Err(Failure::internal("a column without an array"));
     };
     let size = field.stored.number.bytes();
     let select = |first: u64, _: &[u8], rows: usize, picks: &mut Vec<Pick>| {

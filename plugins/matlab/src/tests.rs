@@ -145,7 +145,7 @@ fn long_vectors_are_read_from_where_they_are() {
             notes.contains("unit of y, x") && notes.contains("unknown"),
             "{notes}"
         );
-        let done = call.set("unit", "um").run().unwrap();
+        let done = call.set("units", "um").run().unwrap();
         let out = done.output("localisations").unwrap();
         let scaled: Vec<f64> = x.iter().map(|x| x * 1000.0).collect();
         assert_eq!(out.f64("x").unwrap(), scaled);

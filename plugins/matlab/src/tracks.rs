@@ -1,19 +1,29 @@
 //! Tracks: Spot-On's `trackedPar` and u-track's `tracksFinal`.
 
-use crate::find::{Column, Table};
+use crate::find::{Column, Table, Values};
 use crate::matrix::{Array, Value};
-use puncta_sdk::{ColumnInfo, Element};
+use puncta_sdk::Element;
+use puncta_shared_records::names::Raw;
 
-fn place(name: &str, unit: &str, source: &str) -> ColumnInfo {
-    ColumnInfo::new(name, Element::F64, unit)
-        .role("position")
-        .source(source)
+fn column(name: &str, unit: &str, source: &str, values: Values) -> Column {
+    let element = match values {
+        Values::Whole(_) => Element::I64,
+        _ => Element::F64,
+    };
+    let raw = Raw::new(source, name, unit, element);
+    Column { raw, values }
 }
 
-fn track() -> ColumnInfo {
-    ColumnInfo::new("track", Element::I64, "1")
-        .role("group")
-        .description("Track, from 0")
+fn frames(source: &str, values: Vec<i64>) -> Column {
+    let mut frames = column("t", "frame", source, Values::Whole(values));
+    frames.raw = frames.raw.from_one();
+    frames
+}
+
+fn track(values: Vec<i64>) -> Column {
+    let mut track = column("track", "1", "track", Values::Whole(values));
+    track.raw = track.raw.described("Track, from 0");
+    track
 }
 
 /// Structures of an array, each with the values of the named fields.
@@ -53,39 +63,34 @@ pub fn spot_on(value: &Value) -> Option<Table> {
             skipped += 1;
             continue;
         }
-        x.extend(places[..rows].iter().map(|x| x * 1e3));
-        y.extend(places[rows..2 * rows].iter().map(|y| y * 1e3));
+        x.extend_from_slice(&places[..rows]);
+        y.extend_from_slice(&places[rows..2 * rows]);
         #[allow(clippy::cast_possible_truncation)]
-        t.extend(frames.iter().map(|frame| *frame as i64 - 1));
+        t.extend(frames.iter().map(|frame| *frame as i64));
         number.extend(std::iter::repeat_n(track as i64, rows));
     }
     if let Some(times) = each(value, ["TimeStamp"]) {
         time.extend(times.filter_map(|[time]| time.values()).flatten());
     }
-    let frame = ColumnInfo::new("t", Element::I64, "frame")
-        .role("time")
-        .source("Frame");
-    let mut columns = vec![
-        Column::Gathered(place("x", "nm", "xy(:,1)"), x),
-        Column::Gathered(place("y", "nm", "xy(:,2)"), y),
-    ];
     let rows = t.len();
-    columns.push(Column::Whole(frame, t));
-    columns.push(Column::Whole(track(), number));
+    let mut columns = vec![
+        column("x", "um", "xy(:,1)", Values::Gathered(x)),
+        column("y", "um", "xy(:,2)", Values::Gathered(y)),
+        frames("Frame", t),
+        track(number),
+    ];
     if time.len() == rows {
-        let info = ColumnInfo::new("time", Element::F64, "s").source("TimeStamp");
-        columns.push(Column::Gathered(info, time));
+        columns.push(column("time", "s", "TimeStamp", Values::Gathered(time)));
     }
     Some(table("Spot-On mat", rows, columns, skipped))
 }
 
 /// `tracksFinal`: eight numbers a frame (x y z A and their errors) for each segment, NaN in gaps;
 /// the first column of `seqOfEvents` has the frames, from 1.
-pub fn u_track(value: &Value, pixel_size: Option<f64>) -> Option<Table> {
+pub fn u_track(value: &Value) -> Option<Table> {
     const NAMES: [&str; 8] = [
         "x", "y", "z", "A", "error_x", "error_y", "error_z", "error_A",
     ];
-    let factor = pixel_size.unwrap_or(1.0);
     let mut values: [Vec<f64>; 8] = Default::default();
     let (mut t, mut number, mut track_number) = (Vec::new(), Vec::new(), 0);
     let mut skipped = 0;
@@ -95,60 +100,38 @@ pub fn u_track(value: &Value, pixel_size: Option<f64>) -> Option<Table> {
             continue;
         };
         let segments = coordinates.sizes.first().copied().unwrap_or(0);
-        let frames = coordinates.sizes.get(1).copied().unwrap_or(0) / 8;
-        let first = events
-            .iter()
-            .take(events.len() / 4)
-            .copied()
-            .fold(f64::INFINITY, f64::min);
-        if !first.is_finite() || numbers.len() != segments * frames * 8 {
+        let count = coordinates.sizes.get(1).copied().unwrap_or(0) / 8;
+        let starts = events.iter().take(events.len() / 4).copied();
+        let first = starts.fold(f64::INFINITY, f64::min);
+        if !first.is_finite() || numbers.len() != segments * count * 8 {
             skipped += 1;
             continue;
         }
         for segment in 0..segments {
-            for frame in 0..frames {
+            for frame in 0..count {
                 let at = |part: usize| numbers[(frame * 8 + part) * segments + segment];
                 if at(0).is_nan() {
                     continue;
                 }
                 for (part, column) in values.iter_mut().enumerate() {
-                    column.push(if part % 4 == 3 {
-                        at(part)
-                    } else {
-                        at(part) * factor
-                    });
+                    column.push(at(part));
                 }
                 #[allow(clippy::cast_possible_truncation)]
-                t.push(first as i64 - 1 + frame as i64);
+                t.push(first as i64 + frame as i64);
                 number.push(track_number);
             }
             track_number += 1;
         }
     }
     let rows = t.len();
-    let unit = if pixel_size.is_some() {
-        "nm"
-    } else {
-        "unknown"
+    let one = |(name, values): (&str, Vec<f64>)| {
+        let unit = if name.ends_with('A') { "" } else { "px" };
+        let source = format!("tracksCoordAmpCG({name})");
+        column(name, unit, &source, Values::Gathered(values))
     };
-    let column = |(name, values): (&str, Vec<f64>)| {
-        let mut info = place(name, unit, "tracksCoordAmpCG");
-        if name.ends_with('A') {
-            (info.unit, info.role) = ("unknown".into(), None);
-        } else if name.starts_with("error") {
-            info.role = Some("error".into());
-        }
-        if pixel_size.is_none() && !name.ends_with('A') {
-            info = info.description("In camera pixels");
-        }
-        Column::Gathered(info, values)
-    };
-    let mut columns: Vec<Column> = NAMES.into_iter().zip(values).map(column).collect();
-    let frame = ColumnInfo::new("t", Element::I64, "frame")
-        .role("time")
-        .source("seqOfEvents");
-    columns.push(Column::Whole(frame, t));
-    columns.push(Column::Whole(track(), number));
+    let mut columns: Vec<Column> = NAMES.into_iter().zip(values).map(one).collect();
+    columns.push(frames("seqOfEvents", t));
+    columns.push(track(number));
     Some(table("u-track mat", rows, columns, skipped))
 }
 

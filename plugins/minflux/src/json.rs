@@ -6,6 +6,8 @@ use puncta_sdk::output::ColumnMut;
 use puncta_sdk::prelude::*;
 use puncta_sdk::serde_json::json;
 use puncta_sdk::{Committer, Failure};
+use puncta_shared_import::MappingParams;
+use puncta_shared_records::names::{self, Placed};
 use puncta_shared_records::{Opened, damaged, minflux, not_mine, open};
 use serde::de::DeserializeSeed;
 use std::cell::RefCell;
@@ -28,9 +30,9 @@ pub struct ReadJson {
     /// Keep rows that are not valid final localisations.
     #[param(default = false)]
     all_rows: bool,
-    /// Multiplies z, for the mismatch of refractive indices (about 0.7 for MINFLUX in water).
-    #[param(default = 1.0, min = -1000.0, max = 1000.0, unit = "1")]
-    z_factor: f64,
+    /// The explicit mapping of columns and units.
+    #[param(flatten)]
+    mapping: MappingParams,
 }
 
 /// A key of the file: its name, and the number of values of a list.
@@ -99,7 +101,7 @@ impl Take for Look {
 struct Filling<'a, 'j> {
     keys: &'a [Key],
     columns: Vec<ColumnMut<'a>>,
-    factors: &'a [f64],
+    placed: &'a [Placed],
     flags: Vec<usize>,
     current: Vec<f64>,
     rows: u64,
@@ -147,13 +149,12 @@ impl Take for Filling<'_, '_> {
                 self.committed += step;
             }
             let row = usize::try_from(self.kept).unwrap_or(usize::MAX);
-            for ((column, value), factor) in
-                self.columns.iter_mut().zip(&self.current).zip(self.factors)
-            {
+            for (column, placed) in self.columns.iter_mut().zip(self.placed) {
+                let value = self.current.get(placed.place).copied().unwrap_or(f64::NAN);
                 match column {
-                    ColumnMut::F64(to) => to[row] = value * factor,
+                    ColumnMut::F64(to) => to[row] = value * placed.factor - placed.minus,
                     #[allow(clippy::cast_possible_truncation)]
-                    ColumnMut::I64(to) => to[row] = *value as i64,
+                    ColumnMut::I64(to) => to[row] = (value - placed.minus) as i64,
                     _ => {}
                 }
             }
@@ -210,28 +211,36 @@ fn broken(name: &str, error: &puncta_sdk::serde_json::Error) -> Failure {
     ))
 }
 
-fn header(opened: &Opened, keys: &[Key], z_factor: f64) -> (Header, Vec<f64>) {
-    let (mut infos, mut factors) = (Vec::new(), Vec::new());
-    for key in keys {
-        for axis in 0..key.values {
-            let element = if whole(&key.name) {
-                Element::I64
-            } else {
-                Element::F64
-            };
-            let axis = (key.values > 1).then_some(axis);
-            let (info, factor) = minflux::column(&key.name, axis, element);
-            let z = matches!(info.name.as_str(), "z" | "lnc_z");
-            factors.push(if z { factor * z_factor } else { factor });
-            infos.push(info);
+/// The header, what becomes of the values, their number, and notes.
+type Headed = (Header, Vec<Placed>, usize, Vec<String>);
+
+impl ReadJson {
+    fn header(&self, opened: &Opened, keys: &[Key]) -> Result<Headed, Failure> {
+        let mut raw = Vec::new();
+        for key in keys {
+            for axis in 0..key.values {
+                let element = if whole(&key.name) {
+                    Element::I64
+                } else {
+                    Element::F64
+                };
+                let axis = (key.values > 1).then_some(axis);
+                raw.push(minflux::column(&key.name, axis, element));
+            }
         }
+        let (mut placed, notes) = names::place(&opened.name, &self.mapping.mapping()?, &raw)?;
+        for one in &mut placed {
+            if one.converts() {
+                one.info.type_.element = Element::F64;
+            }
+        }
+        let infos = placed.iter().map(|one| one.info.clone()).collect();
+        let mut header = Header::table(PORT, opened.length / SHORTEST, infos);
+        header
+            .metadata
+            .insert("format".into(), "MINFLUX json".into());
+        Ok((header, placed, raw.len(), notes))
     }
-    puncta_shared_records::names::unique(infos.iter_mut());
-    let mut header = Header::table(PORT, opened.length / SHORTEST, infos);
-    header
-        .metadata
-        .insert("format".into(), "MINFLUX json".into());
-    (header, factors)
 }
 
 impl Operation for ReadJson {
@@ -253,16 +262,18 @@ impl Operation for ReadJson {
     fn prepare(&self, request: &Request) -> Result<Plan, Failure> {
         let mut opened = open(request, 64)?;
         let keys = keys(&mut opened)?;
+        let (header, _, _, notes) = self.header(&opened, &keys)?;
         let mut plan = Plan {
             interruptible: true,
             memory: 16 << 20,
+            notes,
             ..Plan::default()
         };
         plan.outputs.push(Output {
             output: PORT.into(),
             form: OutputForm::Object,
             of: None,
-            header: header(&opened, &keys, self.z_factor).0,
+            header,
         });
         plan.probe = Some(Probe {
             format: "MINFLUX json".into(),
@@ -274,7 +285,7 @@ impl Operation for ReadJson {
     fn run(&self, job: &Job) -> Result<(), Failure> {
         let mut opened = open(job.request(), 64)?;
         let keys = keys(&mut opened)?;
-        let (header, factors) = header(&opened, &keys, self.z_factor);
+        let (header, placed, values, _) = self.header(&opened, &keys)?;
         let room = header.rows();
         let mut out = job.begin(PORT, header)?;
         let flags = keys
@@ -283,9 +294,9 @@ impl Operation for ReadJson {
         let flags = flags.filter(|_| !self.all_rows).map(|key| key.at);
         let filling = Filling {
             keys: &keys,
-            factors: &factors,
+            placed: &placed,
             flags: flags.collect(),
-            current: vec![f64::NAN; factors.len()],
+            current: vec![f64::NAN; values],
             rows: 0,
             kept: 0,
             room,

@@ -3,8 +3,10 @@
 use crate::dtype::{self, Entry, Kind};
 use crate::literal::{self, Literal};
 use puncta_sdk::{ColumnInfo, Failure};
+use puncta_shared_import::Mapping;
 use puncta_shared_records::fill::Select;
-use puncta_shared_records::{Field, Number, Pick, damaged, minflux, names, not_mine, unsupported};
+use puncta_shared_records::names::{self, Raw};
+use puncta_shared_records::{Field, Number, Pick, damaged, minflux, not_mine, unsupported};
 use std::io::Read;
 
 const MAGIC: &[u8] = b"\x93NUMPY";
@@ -178,11 +180,20 @@ pub struct Columns {
     pub fields: Vec<Field>,
     /// The rows.
     pub choice: Choice,
+    /// For the person.
+    pub notes: Vec<String>,
 }
 
-/// The columns of an array. `all` keeps rows that are not valid; `lengths` is the unit of lengths
-/// that have none.
-pub fn columns(array: &Array, all: bool, z_factor: f64, lengths: &str) -> Columns {
+/// The columns of the array of the file `file`. `all` keeps rows that are not valid.
+///
+/// # Errors
+/// A mapping that speaks of columns that are not there.
+pub fn columns(
+    file: &str,
+    array: &Array,
+    all: bool,
+    mapping: &Mapping,
+) -> Result<Columns, Failure> {
     let nested = array.entries.iter().find_map(|entry| match &entry.kind {
         Kind::Nested(inner, bytes) if entry.name == "itr" && entry.count > 0 => {
             Some((entry, inner, *bytes))
@@ -196,18 +207,15 @@ pub fn columns(array: &Array, all: bool, z_factor: f64, lengths: &str) -> Column
         _ if array.entries.len() == 1 && has("value") => Layout::Numbers,
         _ => Layout::Records,
     };
-    let mut columns = Columns {
-        layout,
-        fields: Vec::new(),
-        choice: Choice::default(),
-    };
+    let (mut raw, mut fields) = (Vec::new(), Vec::new());
     for entry in &array.entries {
-        columns.add(entry, false, z_factor, lengths);
+        add(layout, entry, false, &mut raw, &mut fields);
     }
+    let mut choice = Choice::default();
     if let (Layout::Old, Some((entry, inner, bytes))) = (layout, nested) {
-        columns.choice.sub = entry.at + (entry.count - 1) * bytes;
+        choice.sub = entry.at + (entry.count - 1) * bytes;
         for entry in inner {
-            columns.add(entry, true, z_factor, lengths);
+            add(layout, entry, true, &mut raw, &mut fields);
         }
     }
     if !all && matches!(layout, Layout::Old | Layout::New) {
@@ -216,45 +224,44 @@ pub fn columns(array: &Array, all: bool, z_factor: f64, lengths: &str) -> Column
                 if matches!(stored.number, Number::Bool | Number::U8));
             truth && matches!(entry.name.as_str(), "vld" | "fnl")
         };
-        columns.choice.flags = array
+        choice.flags = array
             .entries
             .iter()
             .filter(flag)
             .map(|entry| entry.at)
             .collect();
     }
-    let infos = columns.fields.iter_mut().map(|field| &mut field.info);
-    names::unique(infos);
-    columns
+    let (fields, notes) = names::fields(file, mapping, &raw, &fields)?;
+    Ok(Columns {
+        layout,
+        fields,
+        choice,
+        notes,
+    })
 }
 
-impl Columns {
-    fn add(&mut self, entry: &Entry, picked: bool, z_factor: f64, lengths: &str) {
-        let Kind::Number(stored) = entry.kind else {
-            return;
-        };
-        if entry.count == 0 || entry.count > 16 {
-            return;
-        }
-        for axis in 0..entry.count {
-            let along = (entry.count > 1).then_some(axis);
-            let element = stored.number.element();
-            let (info, factor): (ColumnInfo, f64) = match self.layout {
-                Layout::Old | Layout::New => minflux::column(&entry.name, along, element),
-                Layout::Records | Layout::Numbers => {
-                    let axis = along.map(|axis| format!("{}_{axis}", entry.name));
-                    names::column(axis.as_ref().unwrap_or(&entry.name), element, None, lengths)
-                }
-            };
-            let z = matches!(info.name.as_str(), "z" | "lnc_z");
-            let factor = if z { factor * z_factor } else { factor };
-            let place = info.role.as_deref() == Some("position");
-            let mut field = Field::new(info, stored, entry.at + axis * stored.number.bytes());
-            field.picked = picked;
-            if factor != 1.0 || place {
-                field = field.scaled(factor);
+/// Adds the numbers of an entry.
+fn add(layout: Layout, entry: &Entry, picked: bool, raw: &mut Vec<Raw>, fields: &mut Vec<Field>) {
+    let Kind::Number(stored) = entry.kind else {
+        return;
+    };
+    if entry.count == 0 || entry.count > 16 {
+        return;
+    }
+    for axis in 0..entry.count {
+        let along = (entry.count > 1).then_some(axis);
+        let element = stored.number.element();
+        let one = match layout {
+            Layout::Old | Layout::New => minflux::column(&entry.name, along, element),
+            Layout::Records | Layout::Numbers => {
+                let axis = along.map(|axis| format!("{}_{axis}", entry.name));
+                Raw::named(axis.as_ref().unwrap_or(&entry.name), element, None)
             }
-            self.fields.push(field);
-        }
+        };
+        let info = ColumnInfo::new(&one.source, element, "");
+        let mut field = Field::new(info, stored, entry.at + axis * stored.number.bytes());
+        field.picked = picked;
+        raw.push(one);
+        fields.push(field);
     }
 }

@@ -3,9 +3,10 @@
 use crate::npy::{self, Array, Columns};
 use puncta_sdk::prelude::*;
 use puncta_sdk::serde_json::json;
+use puncta_shared_import::MappingParams;
 use puncta_shared_records::archive::{Archive, Member};
 use puncta_shared_records::{
-    Opened, Pass, Source, damaged, fill, minflux, names, not_mine, open, unsupported,
+    Opened, Pass, Source, damaged, fill, minflux, not_mine, open, unsupported,
 };
 use std::io::{Read, Seek, SeekFrom};
 
@@ -19,12 +20,9 @@ pub struct ReadNpy {
     /// Keep rows that are not valid final localisations.
     #[param(default = false)]
     all_rows: bool,
-    /// Multiplies z, for the mismatch of refractive indices (about 0.7 for MINFLUX in water).
-    #[param(default = 1.0, min = -1000.0, max = 1000.0, unit = "1")]
-    z_factor: f64,
-    /// Unit of lengths whose unit the file does not state, such as nm or um.
-    #[param(default = "")]
-    unit: String,
+    /// The explicit mapping of columns and units.
+    #[param(flatten)]
+    mapping: MappingParams,
 }
 
 /// The array of a file, and where it is.
@@ -95,7 +93,12 @@ fn header(found: &Found, columns: &Columns) -> Header {
 
 impl ReadNpy {
     fn columns(&self, found: &Found) -> Result<Columns, Failure> {
-        let columns = npy::columns(&found.array, self.all_rows, self.z_factor, &self.unit);
+        let columns = npy::columns(
+            &found.opened.name,
+            &found.array,
+            self.all_rows,
+            &self.mapping.mapping()?,
+        )?;
         if columns.fields.is_empty() {
             let message = format!("{} has no fields of numbers", found.opened.name);
             return Err(unsupported(message, "save it with columns of numbers"));
@@ -138,9 +141,7 @@ impl Operation for ReadNpy {
             ..Plan::default()
         };
         let header = header(&found, &columns);
-        let infos = columns.fields.iter().map(|field| &field.info);
-        let note = names::unit_note(&found.opened.name, infos, "unit, such as nm or um");
-        plan.notes.extend(note);
+        plan.notes.clone_from(&columns.notes);
         plan.outputs.push(Output {
             output: PORT.into(),
             form: OutputForm::Object,

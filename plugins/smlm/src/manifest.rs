@@ -1,8 +1,10 @@
 //! The manifest: which tables there are, and how their rows are stored.
 
-use puncta_sdk::Failure;
 use puncta_sdk::serde_json::{self, Value};
-use puncta_shared_records::{Field, Number, damaged, names, unsupported};
+use puncta_sdk::{ColumnInfo, Failure};
+use puncta_shared_import::Mapping;
+use puncta_shared_records::names::{self, Raw};
+use puncta_shared_records::{Field, Number, damaged, unsupported};
 
 /// Most columns of a table.
 const MOST_COLUMNS: usize = 4096;
@@ -225,9 +227,17 @@ impl Manifest {
         units.iter().find(said)?.get("unit")?.as_str()
     }
 
-    /// The columns, with the offsets of a file. `lengths` is the unit of lengths that have none.
-    pub fn fields(&self, file: &File, lengths: &str) -> Vec<Field> {
-        let mut fields = Vec::new();
+    /// The columns, with the offsets of a file of the archive `name`, and notes.
+    ///
+    /// # Errors
+    /// A mapping that speaks of columns that are not there.
+    pub fn fields(
+        &self,
+        name: &str,
+        file: &File,
+        mapping: &Mapping,
+    ) -> Result<(Vec<Field>, Vec<String>), Failure> {
+        let (mut raw, mut fields) = (Vec::new(), Vec::new());
         let shifted: Vec<bool> = (0..self.format.columns.len())
             .map(|i| {
                 self.files
@@ -253,19 +263,18 @@ impl Manifest {
                     _ => format!("{}_{place}", column.header),
                 };
                 let element = column.number.element();
-                let (mut info, factor) = names::column(&label, element, stated, lengths);
+                let mut info = ColumnInfo::new(&label, element, "");
                 info.type_.width = u32::try_from(lists).unwrap_or(1);
-                let position = matches!(info.role.as_deref(), Some("position" | "error"));
                 let at = column.at + place * column.number.bytes();
                 let mut field = Field::new(info, column.number.little(), at);
-                if factor != 1.0 || position || shifted[i] {
-                    field = field.scaled(factor);
-                    field.shift = file.offsets.get(i).copied().unwrap_or(0.0) * factor;
+                if shifted[i] {
+                    field = field.scaled(1.0);
+                    field.shift = file.offsets.get(i).copied().unwrap_or(0.0);
                 }
+                raw.push(Raw::named(&label, element, stated));
                 fields.push(field);
             }
         }
-        names::unique(fields.iter_mut().map(|field| &mut field.info));
-        fields
+        names::fields(name, mapping, &raw, &fields)
     }
 }

@@ -4,11 +4,10 @@ use crate::manifest::{self, Manifest};
 use puncta_sdk::output::ColumnMut;
 use puncta_sdk::prelude::*;
 use puncta_sdk::serde_json::json;
+use puncta_shared_import::{Mapping, MappingParams};
 use puncta_shared_records::archive::{Archive, Member};
 use puncta_shared_records::split::front;
-use puncta_shared_records::{
-    Opened, Pass, Source, damaged, fill, names, not_mine, open, unsupported,
-};
+use puncta_shared_records::{Opened, Pass, Source, damaged, fill, not_mine, open, unsupported};
 
 const PORT: &str = "localisations";
 const EXAMPLE: &[u8] = include_bytes!("../data/example.smlm");
@@ -18,9 +17,9 @@ const MOST_MANIFEST: u64 = 16 << 20;
 /// Reads localisations from a .smlm container.
 #[derive(Debug, Params)]
 pub struct ReadSmlm {
-    /// Unit of lengths whose unit the file does not state, such as nm or um.
-    #[param(default = "")]
-    unit: String,
+    /// The explicit mapping of columns and units.
+    #[param(flatten)]
+    mapping: MappingParams,
 }
 
 /// An archive with its manifest and the members of its tables.
@@ -73,14 +72,16 @@ impl Found {
     }
 
     /// The header; with several tables, a column says of which each row is.
-    fn header(&self, lengths: &str) -> Header {
-        let fields = self.manifest.fields(&self.manifest.files[0], lengths);
+    fn header(&self, mapping: &Mapping) -> Result<(Header, Vec<String>), Failure> {
+        let first = &self.manifest.files[0];
+        let (fields, notes) = self.manifest.fields(&self.opened.name, first, mapping)?;
         let mut infos: Vec<ColumnInfo> = fields.into_iter().map(|field| field.info).collect();
         let several = self.manifest.files.len() > 1;
         if several {
-            let channel = ColumnInfo::new("probe", Element::U16, "1").source("channel");
+            let taken = infos.iter().any(|info| info.name == "probe");
+            let name = if taken { "table" } else { "probe" };
+            let channel = ColumnInfo::new(name, Element::U16, "1").source("channel");
             infos.push(channel.description("Channel, from 0 in the order of the file"));
-            names::unique(infos.iter_mut());
         }
         let mut header = Header::table(PORT, self.rows(), infos);
         header.metadata.insert("format".into(), "smlm".into());
@@ -96,7 +97,7 @@ impl Found {
         header
             .metadata
             .insert("smlm".into(), self.manifest.rest.clone());
-        header
+        Ok((header, notes))
     }
 }
 
@@ -113,26 +114,20 @@ impl Operation for ReadSmlm {
             .formats(&[], &["smlm"])
             .output(Ports::table(PORT).description("One row a localisation."))
             .cite("10.1038/s41592-022-01659-0")
-            .example(json!({ "unit": "nm" }))
+            .example(json!({ "units": "nm" }))
             .example_bytes("example.smlm", EXAMPLE)
     }
 
     fn prepare(&self, request: &Request) -> Result<Plan, Failure> {
         let found = find(request)?;
-        let header = found.header(&self.unit);
+        let (header, notes) = found.header(&self.mapping.mapping()?)?;
         let mut plan = Plan {
             interruptible: true,
             memory: 48 << 20,
             notes: found.manifest.notes.clone(),
             ..Plan::default()
         };
-        let infos = header.parts.first().map(|part| part.columns.iter());
-        let infos = infos.into_iter().flatten();
-        plan.notes.extend(names::unit_note(
-            &found.opened.name,
-            infos,
-            "unit, such as nm or um",
-        ));
+        plan.notes.extend(notes);
         plan.outputs.push(Output {
             output: PORT.into(),
             form: OutputForm::Object,
@@ -152,7 +147,8 @@ impl Operation for ReadSmlm {
             let message = format!("{} holds more than 65535 tables", found.opened.name);
             return Err(unsupported(message, "split it"));
         }
-        let header = found.header(&self.unit);
+        let mapping = self.mapping.mapping()?;
+        let (header, _) = found.header(&mapping)?;
         let several = found.manifest.files.len() > 1;
         let mut out = job.begin(PORT, header)?;
         let committer = out.committer();
@@ -160,7 +156,7 @@ impl Operation for ReadSmlm {
         let channels = several.then(|| targets.pop()).flatten();
         let mut channels = channels;
         for (number, file) in found.manifest.files.iter().enumerate() {
-            let fields = found.manifest.fields(file, &self.unit);
+            let (fields, _) = found.manifest.fields(&found.opened.name, file, &mapping)?;
             let rows = usize::try_from(file.rows).unwrap_or(usize::MAX);
             let mut part: Vec<ColumnMut<'_>> = targets
                 .iter_mut()

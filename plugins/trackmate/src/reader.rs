@@ -5,7 +5,10 @@ use puncta_sdk::output::ColumnMut;
 use puncta_sdk::prelude::*;
 use puncta_sdk::run::Serial;
 use puncta_sdk::serde_json::{Value, json};
-use puncta_shared_records::{Opened, names, not_mine, open};
+use puncta_shared_import::MappingParams;
+use puncta_shared_records::minflux::identifier;
+use puncta_shared_records::names::{self, Placed, Raw};
+use puncta_shared_records::{Opened, not_mine, open};
 use std::io::{BufReader, Seek, SeekFrom};
 
 const PORT: &str = "localisations";
@@ -23,81 +26,72 @@ const EXAMPLE: &str = concat!(
 /// Reads spots and tracks from TrackMate's XML.
 #[derive(Debug, Params)]
 pub struct ReadTrackMate {
-    /// Camera pixel, for files whose lengths are in pixels.
-    #[param(min = 0.001, max = 1e6, unit = "nm")]
-    pixel_size: Option<f64>,
-    /// Unit of lengths where the file does not state one, such as nm or um.
-    #[param(default = "")]
-    unit: String,
+    /// The explicit mapping of columns and units.
+    #[param(flatten)]
+    mapping: MappingParams,
 }
 
-/// A column of the host: its description, the factor, and whether it holds whole numbers.
-struct Planned {
-    info: ColumnInfo,
-    factor: f64,
+/// The name of an attribute as the host has it, and its dimension.
+fn meaning<'a>(simple: bool, lower: &'a str, whole: bool, stated: &'a str) -> (&'a str, &'a str) {
+    match lower {
+        "position_x" => ("x", "POSITION"),
+        "position_y" => ("y", "POSITION"),
+        "position_z" => ("z", "POSITION"),
+        "position_t" => ("time", "TIME"),
+        "x" | "y" | "z" if simple => (lower, "POSITION"),
+        "t" if simple => ("t", "FRAME"),
+        "frame" => ("t", "FRAME"),
+        "id" => ("id", "NUMBER"),
+        _ if whole => (lower, "NUMBER"),
+        _ => (lower, stated),
+    }
+}
+
+fn raw(parsed: &Parsed, column: &Column) -> Raw {
+    let source = column.name.as_str();
+    let feature = parsed.features.get(source).cloned().unwrap_or_default();
+    let lower = source.to_lowercase();
+    let simple = parsed.kind == Kind::Simple;
+    let (name, dimension) = meaning(simple, &lower, feature.whole, &feature.dimension);
+    let unit = match dimension {
+        "POSITION" | "LENGTH" => parsed.space.as_str(),
+        "TIME" => parsed.time.as_str(),
+        "FRAME" => "frame",
+        "NUMBER" => "1",
+        _ => "",
+    };
+    let whole = matches!(dimension, "FRAME" | "NUMBER")
+        && column
+            .values
+            .iter()
+            .all(|value| value.fract() == 0.0 && value.abs() < 9e15);
+    let element = if whole { Element::I64 } else { Element::F64 };
+    Raw::new(source, &identifier(name), unit, element).described(&feature.label)
 }
 
 impl ReadTrackMate {
-    /// The unit of lengths, and what to multiply them with.
-    fn space(&self, stated: &str) -> (String, f64, Option<String>) {
-        let pixels = matches!(stated.to_lowercase().as_str(), "pixel" | "pixels" | "px");
-        match self.pixel_size {
-            Some(size) if pixels => ("nm".into(), size, None),
-            _ if stated.is_empty() && !self.unit.is_empty() => names::unit(&self.unit),
-            _ => names::unit(stated),
-        }
-    }
-
-    fn planned(&self, parsed: &Parsed, column: &Column) -> Planned {
-        let source = column.name.as_str();
-        let feature = parsed.features.get(source).cloned().unwrap_or_default();
-        let simple = parsed.kind == Kind::Simple;
-        let lower = source.to_lowercase();
-        let (name, dimension) = match lower.as_str() {
-            "position_x" => ("x", "POSITION"),
-            "position_y" => ("y", "POSITION"),
-            "position_z" => ("z", "POSITION"),
-            "position_t" => ("time", "TIME"),
-            "x" | "y" | "z" if simple => (lower.as_str(), "POSITION"),
-            "t" if simple => ("t", "FRAME"),
-            "frame" => ("t", "FRAME"),
-            "id" => ("id", "NUMBER"),
-            _ if feature.whole => (lower.as_str(), "NUMBER"),
-            _ => (lower.as_str(), feature.dimension.as_str()),
-        };
-        let (unit, factor, words) = match dimension {
-            "POSITION" | "LENGTH" => self.space(&parsed.space),
-            "TIME" => names::unit(&parsed.time),
-            "FRAME" => ("frame".into(), 1.0, None),
-            "NUMBER" => ("1".into(), 1.0, None),
-            _ => (names::UNKNOWN.into(), 1.0, None),
-        };
-        let whole = matches!(dimension, "FRAME" | "NUMBER")
-            && column
-                .values
-                .iter()
-                .all(|value| value.fract() == 0.0 && value.abs() < 9e15);
-        let element = if whole { Element::I64 } else { Element::F64 };
-        let mut info = ColumnInfo::new(names::identifier(name), element, unit).source(source);
-        info.role = names::role(name).map(str::to_owned);
-        if let Some(words) = words {
-            info = info.description(format!("In {words}"));
-        } else if !feature.label.is_empty() {
-            info = info.description(feature.label);
-        }
-        Planned { info, factor }
-    }
-
-    fn header(&self, parsed: &Parsed, rows: u64) -> (Header, Vec<Planned>) {
-        let planned: Vec<Planned> = parsed
+    fn header(
+        &self,
+        file: &str,
+        parsed: &Parsed,
+        rows: u64,
+    ) -> Result<(Header, Vec<Placed>, Vec<String>), Failure> {
+        let all: Vec<Raw> = parsed
             .columns
             .iter()
-            .map(|column| self.planned(parsed, column))
+            .map(|column| raw(parsed, column))
             .collect();
-        let mut infos: Vec<ColumnInfo> = planned.iter().map(|one| one.info.clone()).collect();
-        let track = ColumnInfo::new("track", Element::I64, "1").role("group");
+        let (mut placed, notes) = names::place(file, &self.mapping.mapping()?, &all)?;
+        for one in &mut placed {
+            if one.converts() {
+                one.info.type_.element = Element::F64;
+            }
+        }
+        let mut infos: Vec<ColumnInfo> = placed.iter().map(|one| one.info.clone()).collect();
+        let taken = infos.iter().any(|info| info.name == "track");
+        let name = if taken { "track_of_file" } else { "track" };
+        let track = ColumnInfo::new(name, Element::I64, "1").role("group");
         infos.push(track.description("Number of the track; -1 for a spot without one"));
-        names::unique(infos.iter_mut());
         let mut header = Header::table(PORT, rows, infos);
         header.shape = Some("tracks".into());
         header
@@ -110,7 +104,7 @@ impl ReadTrackMate {
         header
             .metadata
             .insert("trackmate".into(), Value::Object(root.collect()));
-        (header, planned)
+        Ok((header, placed, notes))
     }
 }
 
@@ -154,23 +148,14 @@ impl Operation for ReadTrackMate {
     fn prepare(&self, request: &Request) -> Result<Plan, Failure> {
         let (opened, read) = begin(request)?;
         let parsed = parse(&opened.name, read, Some(1), &Serial)?;
-        let (header, _) = self.header(&parsed, opened.length / SHORTEST);
+        let rows = opened.length / SHORTEST;
+        let (header, _, notes) = self.header(&opened.name, &parsed, rows)?;
         let mut plan = Plan {
             interruptible: true,
             memory: opened.length.saturating_mul(2),
+            notes,
             ..Plan::default()
         };
-        let infos = header.parts.first().map(|part| part.columns.iter());
-        let remedy = if parsed.space.is_empty() {
-            "unit, such as nm or um"
-        } else {
-            "pixel_size"
-        };
-        plan.notes.extend(names::unit_note(
-            &opened.name,
-            infos.into_iter().flatten(),
-            remedy,
-        ));
         plan.outputs.push(Output {
             output: PORT.into(),
             form: OutputForm::Object,
@@ -188,7 +173,7 @@ impl Operation for ReadTrackMate {
         let (opened, read) = begin(job.request())?;
         let parsed = parse(&opened.name, read, None, job)?;
         let rows = parsed.rows as u64;
-        let (header, planned) = self.header(&parsed, rows);
+        let (header, placed, _) = self.header(&opened.name, &parsed, rows)?;
         let mut out = job.begin(PORT, header)?;
         out.commit(0, rows)?;
         let mut targets = out.columns_mut(0)?;
@@ -197,18 +182,21 @@ impl Operation for ReadTrackMate {
                 .zip(&parsed.tracks)
                 .for_each(|(to, track)| *to = *track);
         }
-        for ((target, column), planned) in targets.into_iter().zip(&parsed.columns).zip(&planned) {
-            let values = column.values.iter();
+        for (target, placed) in targets.into_iter().zip(&placed) {
+            let column = parsed.columns.get(placed.place);
+            let values = column.map_or(&[][..], |column| &column.values).iter();
             match target {
                 #[allow(clippy::cast_possible_truncation)]
-                ColumnMut::I64(to) => to
-                    .iter_mut()
-                    .zip(values)
-                    .for_each(|(to, v)| *to = *v as i64),
-                ColumnMut::F64(to) => {
+                ColumnMut::I64(to) => {
                     to.iter_mut()
                         .zip(values)
-                        .for_each(|(to, v)| *to = v * planned.factor);
+                        .for_each(|(to, v)| *to = (v - placed.minus) as i64);
+                }
+                ColumnMut::F64(to) => {
+                    let change = |v: &f64| v * placed.factor - placed.minus;
+                    to.iter_mut()
+                        .zip(values)
+                        .for_each(|(to, v)| *to = change(v));
                 }
                 _ => return Err(Failure::internal("a column of another type")),
             }

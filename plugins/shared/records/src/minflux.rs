@@ -1,75 +1,47 @@
 //! Names that MINFLUX microscopes give to what they measure, whatever file it is in.
 
-use puncta_sdk::{ColumnInfo, Element};
+use crate::names::Raw;
+use puncta_sdk::Element;
 
-/// The column of the host for a field, and the factor of its values. `axis` is 0 to 2 for fields
-/// that have one value along each of x, y, z.
+/// The column for a field. `axis` is 0 to 2 for fields that have one value along each of x, y, z.
 #[must_use]
-pub fn column(field: &str, axis: Option<usize>, element: Element) -> (ColumnInfo, f64) {
+pub fn column(field: &str, axis: Option<usize>, element: Element) -> Raw {
     const AXES: [&str; 3] = ["x", "y", "z"];
-    let axis = axis.and_then(|axis| AXES.get(axis).copied());
     let source = axis.map_or_else(|| field.to_owned(), |axis| format!("{field}[{axis}]"));
-    let (name, unit, factor, role, text) = match (field, axis) {
-        ("loc", Some(axis)) => (axis.to_owned(), "nm", 1e9, Some("position"), "Position"),
-        ("lnc", Some(axis)) => (
-            format!("lnc_{axis}"),
-            "nm",
-            1e9,
-            None,
-            "Position before drift correction",
-        ),
-        ("ext", Some(axis)) => (
-            format!("ext_{axis}"),
-            "nm",
-            1e9,
-            None,
-            "Size of the beam pattern",
-        ),
-        (_, Some(axis)) => (format!("{field}_{axis}"), "unknown", 1.0, None, ""),
-        ("lcx" | "lcy" | "lcz", _) => {
-            (field.into(), "nm", 1e9, None, "Position within the pattern")
-        }
-        ("gvx" | "gvy" | "eox" | "eoy" | "dmz", _) => {
-            (field.into(), "nm", 1e9, None, "Place of the pattern")
-        }
-        ("tim", _) => ("t".into(), "s", 1.0, Some("time"), "Time"),
-        ("tid", _) => ("clumpIndex".into(), "1", 1.0, Some("group"), "Trace"),
-        ("eco" | "ecc", _) => (
-            field.into(),
-            "photon",
-            1.0,
-            None,
-            "Counts about the offset and at the centre",
-        ),
-        ("efo" | "efc" | "fbg", _) => (field.into(), "1/s", 1.0, None, "Count rate"),
-        ("cfr", _) => (
-            field.into(),
-            "1",
-            1.0,
-            None,
-            "Ratio of the rates at the centre and about it",
-        ),
-        ("dcr", _) => (
-            field.into(),
-            "1",
-            1.0,
-            None,
-            "Ratio of the detection channels",
-        ),
+    let name = axis.map_or_else(
+        || field.to_owned(),
+        |axis| match AXES.get(axis) {
+            Some(letter) => format!("{field}_{letter}"),
+            None => format!("{field}_{axis}"),
+        },
+    );
+    let (name, unit, text) = match (field, axis) {
+        ("loc", Some(axis @ 0..3)) => (AXES[axis].to_owned(), "m", "Position"),
+        ("lnc", Some(_)) => (name, "m", "Position before drift correction"),
+        ("ext", Some(_)) => (name, "m", "Size of the beam pattern"),
+        ("lcx" | "lcy" | "lcz", None) => (name, "m", "Position within the pattern"),
+        ("gvx" | "gvy" | "eox" | "eoy" | "dmz", None) => (name, "m", "Place of the pattern"),
+        ("tim", None) => ("t".into(), "s", "Time"),
+        ("tid", None) => ("clumpIndex".into(), "1", "Trace"),
+        ("eco", None) => (name, "photon", "Counts about the offset"),
+        ("ecc", None) => (name, "photon", "Counts at the centre"),
+        ("efo" | "efc" | "fbg", None) => (name, "1/s", "Count rate"),
+        ("cfr", None) => (name, "1", "Ratio of the rates at the centre and about it"),
+        ("dcr", None) => (name, "1", "Ratio of the detection channels"),
         (
             "itr" | "vld" | "fnl" | "bot" | "eot" | "sta" | "act" | "sqi" | "gri" | "thi" | "tic"
             | "dos" | "sky",
-            _,
-        ) => (field.into(), "1", 1.0, None, ""),
-        _ => (crate::names::identifier(field), "unknown", 1.0, None, ""),
+            None,
+        ) => (name, "1", ""),
+        _ => (identifier(&name), "", ""),
     };
-    let element = if factor == 1.0 { element } else { Element::F64 };
-    let mut info = ColumnInfo::new(name, element, unit).source(source);
-    info.role = role.map(str::to_owned);
-    if !text.is_empty() {
-        info = info.description(text);
-    }
-    (info, factor)
+    Raw::new(&source, &name, unit, element).described(text)
+}
+
+/// Letters, digits and `_`.
+#[must_use]
+pub fn identifier(text: &str) -> String {
+    puncta_shared_import::names::identifier(text).unwrap_or_else(|| "column".into())
 }
 
 /// What is said of rows that were left out.
