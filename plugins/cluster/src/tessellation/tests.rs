@@ -56,7 +56,7 @@ fn planted_clusters_in_as_much_noise_are_found_on_several_seeds() {
 
 #[test]
 fn planted_clusters_in_space_are_found_on_several_seeds() {
-    for (clusters, size, sigma) in [(20, 150, 20.0), (36, 100, 50.0)] {
+    for (clusters, size, sigma) in [(20, 150, 20.0), (36, 100, 30.0)] {
         for seed in 0..3 {
             let (at, truth) = planted_by(seed, clusters, size, sigma, clusters * size);
             let space = index(&at, &truth, |call| call.set("z_scale", 1));
