@@ -305,13 +305,14 @@ fn pyarrow_opens_what_is_written() {
     );
     write::<WriteIpc>(&ipc, table(5), &[("compression", "lz4")]);
     write::<WriteParquet>(&parquet, table(5), &[]);
-    let mut python = std::process::Command::new("python3");
+    let own = std::env::var("PUNCTA_TEST_PYTHON").unwrap_or_else(|_| "python3".into());
+    let mut python = std::process::Command::new(own);
     let run = python.args(["-c", PYTHON]).args([&ipc, &parquet]).output();
     let Some(output) = run.ok().filter(|output| {
         output.status.success()
             || !String::from_utf8_lossy(&output.stderr).contains("ModuleNotFound")
     }) else {
-        println!("skipped: there is no python3 with pyarrow");
+        eprintln!("skipped: no python3 with pyarrow (PUNCTA_TEST_PYTHON may name one)");
         return;
     };
     let text = String::from_utf8_lossy(&output.stdout);

@@ -147,6 +147,10 @@ pub fn place(
         if !one.description.is_empty() {
             info = info.description(&one.description);
         }
+        // An operation that needs the unit says how to give it.
+        if let Some(remedy) = one.remedy().filter(|_| !info.type_.element.is_text()) {
+            info.rest.insert("remedy".into(), remedy.into());
+        }
         placed.push(Placed {
             info,
             place: one.field,
