@@ -66,8 +66,12 @@ impl Plugin {
     pub fn open(path: &Path) -> Result<Plugin, String> {
         use libloading::os::unix::{Library, RTLD_LOCAL, RTLD_NOW};
         // SAFETY: opening runs the library's constructors: this process is there for that.
-        let handle = unsafe { Library::open(Some(path), RTLD_NOW | RTLD_LOCAL) }
-            .map_err(|error| format!("the system cannot open it: {error}"))?;
+        let handle =
+            unsafe { Library::open(Some(path), RTLD_NOW | RTLD_LOCAL) }.map_err(|error| {
+                let words = std::error::Error::source(&error).map(ToString::to_string);
+                let words = words.unwrap_or_else(|| error.to_string());
+                format!("the system cannot open it: {words}")
+            })?;
         let handle = libloading::Library::from(handle);
         // SAFETY: the symbol lives as long as the library, which stays open.
         let table = unsafe {

@@ -242,20 +242,23 @@ unsafe fn load(path: &Path) -> Result<libloading::Library, Failure> {
     use libloading::os::unix::{Library as Unix, RTLD_LOCAL, RTLD_NOW};
     // SAFETY: the caller's.
     let opened = unsafe { Unix::open(Some(path), RTLD_NOW | RTLD_LOCAL) };
-    opened.map(Into::into).map_err(|error| {
-        let text = error.to_string();
-        let message = format!("the system cannot load {}: {text}", path.display());
-        Failure::new(FailureCode::Unsupported, message).remedy("install the library it needs")
-    })
+    opened
+        .map(Into::into)
+        .map_err(|error| unloadable(path, &error))
 }
 
 #[cfg(not(unix))]
 unsafe fn load(path: &Path) -> Result<libloading::Library, Failure> {
     // SAFETY: the caller's.
-    unsafe { libloading::Library::new(path) }.map_err(|error| {
-        let message = format!("the system cannot load {}: {error}", path.display());
-        Failure::new(FailureCode::Unsupported, message).remedy("install the library it needs")
-    })
+    unsafe { libloading::Library::new(path) }.map_err(|error| unloadable(path, &error))
+}
+
+/// The system's own words name the library that is missing.
+fn unloadable(path: &Path, error: &libloading::Error) -> Failure {
+    let words = std::error::Error::source(error).map(ToString::to_string);
+    let words = words.unwrap_or_else(|| error.to_string());
+    let message = format!("the system cannot load {}: {words}", path.display());
+    Failure::new(FailureCode::Unsupported, message).remedy("install the library it needs")
 }
 
 fn describe(path: &Path, plugin: &'static abi::Plugin) -> Result<Manifest, Failure> {
