@@ -179,7 +179,8 @@ pub fn run(case: &Case, engine: &Engine) -> Figure {
     figure_of(figure, digest.join(";"))
 }
 
-fn summary(object: &Object) -> String {
+/// Rows of an object, or the numbers of a report.
+pub fn summary(object: &Object) -> String {
     match &object.header().document {
         Some(document) => document
             .get("values")

@@ -3,6 +3,7 @@
 use crate::calls::{self, CALLS};
 use crate::data;
 use crate::figures::Figure;
+use crate::surfaces;
 use puncta_engine::documents::Map;
 use puncta_engine::engine::Steps;
 use puncta_engine::recipe::{self, Limits, Session, Wanted};
@@ -35,7 +36,8 @@ const NAMES: &[&str] = &[
 /// Names of all cases.
 pub fn names() -> impl Iterator<Item = &'static str> {
     let calls = CALLS.iter().map(|(name, ..)| *name);
-    NAMES.iter().copied().chain(calls)
+    let surfaces = surfaces::NAMES.iter().copied();
+    NAMES.iter().copied().chain(calls).chain(surfaces)
 }
 
 /// Runs a case.
@@ -44,6 +46,9 @@ pub fn run(name: &str) -> Figure {
     let engine = data::engine(&bundle);
     if let Some(case) = CALLS.iter().find(|(call, ..)| *call == name) {
         return calls::run(case, &engine);
+    }
+    if surfaces::NAMES.contains(&name) {
+        return surfaces::run(name, &engine);
     }
     let count = |place: usize| -> String {
         name.split('_')

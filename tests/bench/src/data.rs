@@ -18,6 +18,7 @@ pub fn bundle() -> Bundle {
         "puncta_plugin_hdf5",
         "puncta_plugin_precision",
         "puncta_plugin_isosurface",
+        "puncta_plugin_mesh",
         "puncta_plugin_render",
         "puncta_plugin_ripley",
         "puncta_plugin_text",
@@ -58,12 +59,18 @@ pub fn read(engine: &Engine, name: &str) -> Object {
 
 /// A call with one table.
 pub fn invocation(operation: &str, parameters: Value, table: Option<&Object>) -> Invocation {
+    let inputs: Vec<(&str, &Object)> = table.map(|table| ("table", table)).into_iter().collect();
+    bound(operation, parameters, &inputs)
+}
+
+/// A call with objects by port.
+pub fn bound(operation: &str, parameters: Value, inputs: &[(&str, &Object)]) -> Invocation {
     Invocation {
         operation: operation.into(),
         parameters: map(parameters),
-        inputs: table
-            .map(|table| ("table".to_owned(), table.clone()))
-            .into_iter()
+        inputs: inputs
+            .iter()
+            .map(|(port, object)| ((*port).to_owned(), (*object).clone()))
             .collect(),
         file: None,
     }

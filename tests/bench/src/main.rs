@@ -15,6 +15,7 @@ mod calls;
 mod cases;
 mod data;
 mod figures;
+mod surfaces;
 
 use figures::Figure;
 use std::process::Command;
