@@ -311,7 +311,8 @@ def document(format_name, entries):
         head = {key: value for key, value in entry.items() if key != "objects"}
         lines.append(json.dumps(head, ensure_ascii=False)[:-1] + ', "objects": [')
         for item in entry["objects"]:
-            lines.append(f'{{"object": "{item["object"]}", "rows": {item["rows"]}, "columns": [')
+            head = {key: value for key, value in item.items() if key != "columns"}
+            lines.append(json.dumps(head)[:-1] + ', "columns": [')
             lines.append(",\n".join(json.dumps(c, allow_nan=False) for c in item["columns"]))
             lines.append("]},")
         lines[-1] = "]}"

@@ -331,10 +331,15 @@ def sptanalyser(path):
 
 
 def image(path):
-    values = numpy.load(path) if path.suffix == ".npy" else tifffile.imread(path)
+    if path.suffix == ".npy":
+        values, axes = numpy.load(path), "ZYX"
+    else:
+        series = tifffile.TiffFile(path).series[0]
+        values, axes = series.asarray(), series.axes
+    # Planes of which the file says nothing (Q, I, S of tifffile) are taken along z.
     size = [1, 1, 1, *values.shape[-2:]]
-    if values.ndim == 3:
-        size[2] = values.shape[0]
+    for letter, length in zip(axes[: values.ndim - 2], values.shape):
+        size["TCZ".index(letter) if letter in "TCZ" else 2] *= length
     expected = column(None, values.ravel().tolist(), (["value"], None, 1.0, 0.0), short_type(values.dtype))
     return [table("image", int(values.size), expected) | {"size": size}]
 
