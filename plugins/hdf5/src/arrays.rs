@@ -190,6 +190,40 @@ pub(crate) fn read(
     Ok(())
 }
 
+/// Where a block of no rows starts, and its size, along all axes.
+fn slab(rank: usize, axis: usize, lead: &[u64], width: u64) -> (Vec<u64>, Vec<u64>) {
+    let size = |k: usize| match k {
+        k if k == axis => 0,
+        k if k + 1 == rank && axis + 1 != rank => width,
+        _ => 1,
+    };
+    let start = |k: usize| match k {
+        k if k == axis => 0,
+        k => lead.get(k).copied().unwrap_or(0),
+    };
+    (
+        (0..rank).map(start).collect(),
+        (0..rank).map(size).collect(),
+    )
+}
+
+/// Rows of a dataset that are decoded together.
+fn chunk(
+    opened: &Opened,
+    dataset: &hdf5::Dataset,
+    (at, array): (&str, &Array),
+    axis: usize,
+) -> Result<u64, Failure> {
+    let shape = Shape {
+        file: &opened.name,
+        dataset: at,
+        length: opened.length,
+        rows: array.shape.iter().product(),
+        record: array.number.size(),
+    };
+    storage::check_array(dataset, &shape, axis)
+}
+
 /// One dataset, read in blocks of rows.
 struct Reader<'a> {
     opened: &'a Opened,
@@ -232,25 +266,7 @@ impl<'a> Reader<'a> {
         let array = array(opened, &at)?.ok_or_else(changed)?;
         let element = array.number.size();
         let leaf = array.leaf("", 0);
-        let rank = array.shape.len();
-        let count: Vec<u64> = (0..rank)
-            .map(|k| {
-                if k == *axis {
-                    0
-                } else if k + 1 == rank && *axis + 1 != rank {
-                    *width
-                } else {
-                    1
-                }
-            })
-            .collect();
-        let mut start = vec![0; rank];
-        for (place, lead) in start.iter_mut().zip(lead) {
-            *place = *lead;
-        }
-        if let Some(place) = start.get_mut(*axis) {
-            *place = 0;
-        }
+        let (start, count) = slab(array.shape.len(), *axis, lead, *width);
         let record = element * usize::try_from(*width).unwrap_or(1);
         let inside = column.leaf.offset + element <= record;
         let same = leaf.stored == column.leaf.stored && array.rows(*axis) == segment.rows;
@@ -258,16 +274,9 @@ impl<'a> Reader<'a> {
             return Err(changed());
         }
         let dataset = open::dataset(opened, &at)?;
-        let shape = Shape {
-            file: &opened.name,
-            dataset: &at,
-            length: opened.length,
-            rows: array.shape.iter().product(),
-            record: element,
-        };
         let chunk = match segment.rows {
             0 => 1,
-            _ => storage::check_array(&dataset, &shape, *axis)?,
+            _ => chunk(opened, &dataset, (&at, &array), *axis)?,
         };
         let plain = (BLOCK / record.max(1) as u64).max(1);
         let whole = plain.div_ceil(chunk) * chunk;
@@ -285,6 +294,8 @@ impl<'a> Reader<'a> {
         })
     }
 
+    /// Reads block by block; `visit` takes the first row, their number, their bytes and the bytes
+    /// of one.
     fn read(
         &mut self,
         run: &dyn Run,

@@ -25,32 +25,7 @@ pub(crate) fn matches(opened: &Opened) -> bool {
 /// # Errors
 /// Positions that are not N x 3, or a damaged dataset.
 pub(crate) fn inspect(opened: &Opened, given: Option<f64>) -> Result<FileInfo, Failure> {
-    let group = opened.file.group(GROUP);
-    let group = group
-        .map_err(|_| unsupported(format!("{} has no {GROUP}", opened.name), "export it again"))?;
-    let positions = arrays::array(opened, "/data/xyz")?;
-    let rows = match positions.as_ref().map(|p| p.shape.as_slice()) {
-        Some([rows, 3]) => *rows,
-        Some([0]) => 0,
-        _ => {
-            let message = format!(
-                "{}, dataset /data/xyz: N x 3 numbers are expected",
-                opened.name
-            );
-            return Err(unsupported(message, "save the emitters from DECODE again"));
-        }
-    };
-    let mut fields = Vec::new();
-    let mut empty = Vec::new();
-    for name in open::members(&group, &opened.name)? {
-        let Some(array) = arrays::array(opened, &format!("{GROUP}/{name}"))? else {
-            continue;
-        };
-        match columns(&name, &array, rows) {
-            Some(columns) => fields.extend(columns),
-            None => empty.push(name),
-        }
-    }
+    let (rows, fields, empty) = fields(opened)?;
     let (unit, size) = lateral(opened);
     let sizes = size.filter(|_| given.is_none());
     let pixels = unit.as_deref() == Some("px");
@@ -91,6 +66,38 @@ pub(crate) fn inspect(opened: &Opened, given: Option<f64>) -> Result<FileInfo, F
         pixel: given.filter(|_| pixels),
         frame_base: 0,
     })
+}
+
+/// The number of rows, the fields, and the datasets without values.
+#[allow(clippy::type_complexity, reason = "three lists of one look")]
+fn fields(opened: &Opened) -> Result<(u64, Vec<(Leaf, Place)>, Vec<String>), Failure> {
+    let group = opened.file.group(GROUP);
+    let group = group
+        .map_err(|_| unsupported(format!("{} has no {GROUP}", opened.name), "export it again"))?;
+    let positions = arrays::array(opened, "/data/xyz")?;
+    let rows = match positions.as_ref().map(|p| p.shape.as_slice()) {
+        Some([rows, 3]) => *rows,
+        Some([0]) => 0,
+        _ => {
+            let message = format!(
+                "{}, dataset /data/xyz: N x 3 numbers are expected",
+                opened.name
+            );
+            return Err(unsupported(message, "save the emitters from DECODE again"));
+        }
+    };
+    let mut fields = Vec::new();
+    let mut empty = Vec::new();
+    for name in open::members(&group, &opened.name)? {
+        let Some(array) = arrays::array(opened, &format!("{GROUP}/{name}"))? else {
+            continue;
+        };
+        match columns(&name, &array, rows) {
+            Some(columns) => fields.extend(columns),
+            None => empty.push(name),
+        }
+    }
+    Ok((rows, fields, empty))
 }
 
 /// The columns of a dataset of N numbers or N x 3; `None` where it has other rows.

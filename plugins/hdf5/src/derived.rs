@@ -17,6 +17,8 @@ use crate::split::{Block, fill_f64, text};
 /// Events that are looked at.
 const MOST_EVENTS: u64 = 4_000_000;
 const UM: f64 = 1000.0;
+/// Part of a frame behind which a step of its own frame lies.
+const LATER: f64 = 0.01;
 
 /// How a column is computed from a row.
 #[derive(Debug, Clone, PartialEq)]
@@ -96,80 +98,87 @@ pub(crate) fn add(
     has_events: bool,
     notes: &mut Vec<String>,
 ) {
-    let leaf = |name: &str| {
-        let found = table.columns.iter().find(|column| column.source == name);
-        found.map(|column| column.leaf.clone())
-    };
-    let number = |path: &str| tree.pointer(path).and_then(Value::as_f64);
-    let mut added: Vec<ColumnInfo> = Vec::new();
-    let pixel = number("/voxelsize/x")
-        .map(|size| size * UM)
-        .filter(|size| *size > 0.0);
-    let gain = number("/Camera/TrueEMGain").filter(|gain| *gain > 0.0);
-    if let (Some(amplitude), Some(sigma), Some(pixel), Some(gain), Some(electrons)) = (
-        leaf("fitResults_A"),
-        leaf("fitResults_sigma"),
-        pixel,
-        gain,
-        number("/Camera/ElectronsPerCount"),
-    ) && leaf("fitResults_Ag").is_none()
-    {
-        let factor = std::f64::consts::TAU * electrons / (gain * pixel * pixel);
-        let compute = Compute::Photons {
-            amplitude,
-            sigma,
-            factor,
-        };
-        let what = "2 pi A (sig / pixel)^2 x electrons per count / gain";
-        added.push(column("nPhotons", "photon", what, compute));
-    }
+    let mut added: Vec<ColumnInfo> = photons(table, tree).into_iter().collect();
     let events = match has_events {
         true => events(opened).unwrap_or_default(),
         false => Vec::new(),
     };
-    let clock = Clock::new(tree, &events);
-    if let (Some(frame), Some(clock)) = (leaf("tIndex"), clock) {
-        let steps = |name: &str, value: usize, scale: f64| clock.steps(&events, name, value, scale);
-        let focus = steps("ProtocolFocus", 1, UM);
-        let z0 = leaf("fitResults_z0");
-        let mut add =
-            |name: &str, unit: &'static str, what: &str, steps: Arc<[(f64, f64)]>, plus| {
-                let frame = frame.clone();
-                let compute = Compute::Steps { frame, steps, plus };
-                added.push(column(name, unit, what, compute));
-            };
-        if !focus.is_empty() || z0.is_some() {
-            add("z", "nm", "fitted z plus focus", Arc::clone(&focus), z0);
+    match (leaf(table, "tIndex"), Clock::new(tree, &events)) {
+        (Some(frame), Some(clock)) => {
+            let z0 = leaf(table, "fitResults_z0");
+            added.extend(stepped(&frame, z0, &clock, &events));
         }
-        if !focus.is_empty() {
-            add("focus", "nm", "position of the focus", focus, None);
+        (_, None) if !events.is_empty() => {
+            let what = "Without StartTime and Camera.CycleTime, no columns come from events.";
+            notes.push(what.to_owned());
         }
-        for (name, event) in [("scanx", "ScannerXPos"), ("scany", "ScannerYPos")] {
-            let steps = steps(event, 0, UM);
-            if !steps.is_empty() {
-                add(name, "nm", "position of the scanner", steps, None);
-            }
-        }
-        for (value, name) in ["driftx", "drifty", "driftz"].into_iter().enumerate() {
-            let steps = steps("ShiftMeasure", value, 1.0);
-            if !steps.is_empty() {
-                add(
-                    name,
-                    "unknown",
-                    "measured shift, as the microscope gave it",
-                    steps,
-                    None,
-                );
-            }
-        }
-    } else if has_events && !events.is_empty() && number("/StartTime").is_none() {
-        notes.push("Without StartTime and Camera.CycleTime, no columns come from events.".into());
+        _ => {}
     }
     added.retain(|one| table.columns.iter().all(|column| column.name != one.name));
     for one in &mut added {
         one.role = puncta_shared_import::names::role(&one.name);
     }
     table.columns.extend(added);
+}
+
+fn leaf(table: &TableInfo, name: &str) -> Option<Leaf> {
+    let found = table.columns.iter().find(|column| column.source == name);
+    found.map(|column| column.leaf.clone())
+}
+
+/// The photons of a fit in one channel.
+fn photons(table: &TableInfo, tree: &Value) -> Option<ColumnInfo> {
+    let number = |path: &str| tree.pointer(path).and_then(Value::as_f64);
+    let pixel = number("/voxelsize/x").map(|size| size * UM);
+    let pixel = pixel.filter(|size| *size > 0.0)?;
+    let gain = number("/Camera/TrueEMGain").filter(|gain| *gain > 0.0)?;
+    let electrons = number("/Camera/ElectronsPerCount")?;
+    if leaf(table, "fitResults_Ag").is_some() {
+        return None;
+    }
+    let compute = Compute::Photons {
+        amplitude: leaf(table, "fitResults_A")?,
+        sigma: leaf(table, "fitResults_sigma")?,
+        factor: std::f64::consts::TAU * electrons / (gain * pixel * pixel),
+    };
+    let what = "2 pi A (sig / pixel)^2 x electrons per count / gain";
+    Some(column("nPhotons", "photon", what, compute))
+}
+
+/// What events say of each frame.
+fn stepped(frame: &Leaf, z0: Option<Leaf>, clock: &Clock, events: &[Event]) -> Vec<ColumnInfo> {
+    let mut added = Vec::new();
+    let mut add = |name: &str, unit: &str, what: &str, steps: Arc<[(f64, f64)]>, plus| {
+        let frame = frame.clone();
+        let compute = Compute::Steps { frame, steps, plus };
+        added.push(column(name, unit, what, compute));
+    };
+    let focus = clock.steps(events, "ProtocolFocus", 1, UM);
+    if !focus.is_empty() || z0.is_some() {
+        add("z", "nm", "fitted z plus focus", Arc::clone(&focus), z0);
+    }
+    if !focus.is_empty() {
+        add("focus", "nm", "position of the focus", focus, None);
+    }
+    // A frame has the position and the shift that were known before it began.
+    let before = |name: &str, value: usize, scale: f64| -> Arc<[(f64, f64)]> {
+        let steps = clock.steps(events, name, value, scale);
+        steps.iter().map(|(frame, v)| (frame + LATER, *v)).collect()
+    };
+    for (name, event) in [("scanx", "ScannerXPos"), ("scany", "ScannerYPos")] {
+        let steps = before(event, 0, UM);
+        if !steps.is_empty() {
+            add(name, "nm", "position of the scanner", steps, None);
+        }
+    }
+    for (value, name) in ["driftx", "drifty", "driftz"].into_iter().enumerate() {
+        let steps = before("ShiftMeasure", value, 1.0);
+        if !steps.is_empty() {
+            let what = "measured shift, as the microscope gave it";
+            add(name, "unknown", what, steps, None);
+        }
+    }
+    added
 }
 
 fn column(name: &str, unit: &str, what: &str, compute: Compute) -> ColumnInfo {

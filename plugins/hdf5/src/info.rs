@@ -97,6 +97,23 @@ pub(crate) enum Place {
     Numbers(Vec<f64>),
 }
 
+impl Place {
+    /// A dataset that is a list along `axis`.
+    pub(crate) fn list(name: &str, axis: usize) -> Place {
+        Place::at(name, axis, Vec::new())
+    }
+
+    /// A list along `axis` at these places of the axes before it.
+    pub(crate) fn at(name: &str, axis: usize, lead: Vec<u64>) -> Place {
+        Place::Dataset {
+            name: name.to_owned(),
+            axis,
+            lead,
+            width: 1,
+        }
+    }
+}
+
 /// One table of a file.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct TableInfo {

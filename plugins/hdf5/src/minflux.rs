@@ -3,7 +3,7 @@
 use puncta_sdk::Failure;
 use serde_json::{Map, Value, json};
 
-use crate::arrays;
+use crate::arrays::{self, Array};
 use crate::attributes::attribute;
 use crate::columns::Meaning;
 use crate::error::unsupported;
@@ -140,6 +140,37 @@ fn meaning(name: &str, length: &'static str) -> Meaning {
     }
 }
 
+/// The fields of the last iteration, and those of a localisation as a whole.
+fn mat_fields(
+    opened: &Opened,
+    positions: &Array,
+    last: u64,
+    (iterations, rows): (u64, u64),
+) -> Vec<(Leaf, Place)> {
+    let mut fields = Vec::new();
+    for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
+        let place = Place::at(LOC, 2, vec![axis as u64, last]);
+        fields.push((positions.leaf(name, 0), place));
+    }
+    for name in ["efo", "cfr", "eco", "dcr", "ecc", "efc"] {
+        let at = format!("/itr/{name}");
+        let found = arrays::array(opened, &at).ok().flatten();
+        if let Some(array) = found.filter(|array| array.shape == [iterations, rows]) {
+            fields.push((array.leaf(name, 0), Place::at(&at, 1, vec![last])));
+        }
+    }
+    for name in ["tid", "tim", "vld", "act", "dos", "gri", "sqi", "sky"] {
+        let at = format!("/{name}");
+        let Some(array) = arrays::array(opened, &at).ok().flatten() else {
+            continue;
+        };
+        if let Some(axis) = array.list_axis().filter(|axis| array.rows(*axis) == rows) {
+            fields.push((array.leaf(name, 0), Place::list(&at, axis)));
+        }
+    }
+    fields
+}
+
 /// Lists the table of Abberior's export: the last iteration of each localisation.
 ///
 /// # Errors
@@ -158,49 +189,7 @@ pub(crate) fn inspect_mat(opened: &Opened) -> Result<FileInfo, Failure> {
         let message = format!("{}, dataset {LOC}: there is no iteration", opened.name);
         return Err(unsupported(message, "export it again from Imspector"));
     };
-    let mut fields = Vec::new();
-    for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
-        let place = Place::Dataset {
-            name: LOC.to_owned(),
-            axis: 2,
-            lead: vec![axis as u64, last],
-            width: 1,
-        };
-        fields.push((array.leaf(name, 0), place));
-    }
-    for name in ["efo", "cfr", "eco", "dcr", "ecc", "efc"] {
-        let at = format!("/itr/{name}");
-        let Ok(Some(array)) = arrays::array(opened, &at) else {
-            continue;
-        };
-        if array.shape == [*iterations, *rows] {
-            let lead = vec![last];
-            fields.push((
-                array.leaf(name, 0),
-                Place::Dataset {
-                    name: at,
-                    axis: 1,
-                    lead,
-                    width: 1,
-                },
-            ));
-        }
-    }
-    for name in ["tid", "tim", "vld", "act", "dos", "gri", "sqi", "sky"] {
-        let Ok(Some(array)) = arrays::array(opened, &format!("/{name}")) else {
-            continue;
-        };
-        if let Some(axis) = array.list_axis().filter(|axis| array.rows(*axis) == *rows) {
-            let name_of = format!("/{name}");
-            let place = Place::Dataset {
-                name: name_of,
-                axis,
-                lead: Vec::new(),
-                width: 1,
-            };
-            fields.push((array.leaf(name, 0), place));
-        }
-    }
+    let fields = mat_fields(opened, &array, last, (*iterations, *rows));
     let segment = Segment {
         group: String::new(),
         rows: *rows,

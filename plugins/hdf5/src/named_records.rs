@@ -2,7 +2,7 @@
 
 use puncta_sdk::{Failure, Header};
 use puncta_shared_import::names;
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
 use crate::attributes::attribute;
 use crate::columns::{self, Meaning, Records};
@@ -104,7 +104,7 @@ pub(crate) fn inspect_pyme(opened: &Opened, members: &[String]) -> Result<FileIn
             "export it again",
         ));
     };
-    let mut metadata = serde_json::Map::new();
+    let mut metadata = Map::new();
     let mut read: Vec<String> = vec![EVENTS.into(), METADATA.into()];
     let mut tables = Vec::new();
     for (place, one) in records.into_iter().enumerate() {
@@ -116,22 +116,8 @@ pub(crate) fn inspect_pyme(opened: &Opened, members: &[String]) -> Result<FileIn
         read.push(at);
         let meanings = |leaf: &Leaf| saved(leaf, own);
         if place == main {
-            let own = own_header(opened, &one.dataset);
-            let sort_by = sort_by.filter(|_| own.is_none());
-            let plain = own.is_some();
-            let mut table = one.table(
-                "localisations",
-                "localisations",
-                sort_by,
-                |leaf| match plain {
-                    true => vec![Meaning::plain(&leaf.name, "unknown")],
-                    false => meanings(leaf),
-                },
-            );
-            if let Some(own) = own {
-                restore(&mut table, &own);
-                metadata = own.metadata;
-            }
+            let (table, own) = main_table(opened, one, sort_by, meanings);
+            metadata = own;
             tables.insert(0, table);
         } else {
             tables.push(one.table("tables", &name, sort_by, meanings));
@@ -150,7 +136,7 @@ pub(crate) fn inspect_pyme(opened: &Opened, members: &[String]) -> Result<FileIn
         .any(|m| m == METADATA.trim_start_matches('/'))
     {
         true => tree(opened, &mut notes),
-        false => Value::Object(serde_json::Map::new()),
+        false => Value::Object(Map::new()),
     };
     let metadata = match metadata.is_empty() {
         true => json!({ "source_format": "PYME hdf", "camera": camera(&tree), "pyme": tree }),
@@ -164,6 +150,23 @@ pub(crate) fn inspect_pyme(opened: &Opened, members: &[String]) -> Result<FileIn
         pixel: None,
         frame_base: 0,
     })
+}
+
+/// The table with the localisations, and the metadata of one that this plugin wrote.
+fn main_table(
+    opened: &Opened,
+    records: Records,
+    sort_by: Option<Leaf>,
+    meanings: impl Fn(&Leaf) -> Vec<Meaning>,
+) -> (TableInfo, Map<String, Value>) {
+    let name = "localisations";
+    let Some(own) = own_header(opened, &records.dataset) else {
+        return (records.table(name, name, sort_by, meanings), Map::new());
+    };
+    let plain = |leaf: &Leaf| vec![Meaning::plain(&leaf.name, "unknown")];
+    let mut table = records.table(name, name, None, plain);
+    restore(&mut table, &own);
+    (table, own.metadata)
 }
 
 /// The header of a table that this plugin wrote.

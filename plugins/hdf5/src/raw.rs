@@ -1,6 +1,6 @@
 //! The few calls into libhdf5 for which the safe binding has no equivalent: types known only at
 //! run time, blocks of records of such a type, and attribute values as stored. All `unsafe` of
-//! this crate is here. Each call holds the binding's lock, because the bundled library is not
+//! this crate is here and in its part `blocks`. Each call holds the binding's lock, because the bundled library is not
 //! thread-safe, and each buffer is checked against the size that the library itself reports.
 #![allow(unsafe_code)]
 
@@ -10,8 +10,8 @@ use std::ptr::null;
 use hdf5::sync::sync;
 use hdf5::{Attribute, Container, Dataset, Datatype};
 use hdf5_sys::h5::H5free_memory;
-use hdf5_sys::h5a::{H5Aread, H5Awrite};
-use hdf5_sys::h5d::{H5Dread, H5Dwrite};
+use hdf5_sys::h5a::H5Aread;
+use hdf5_sys::h5d::H5Dread;
 use hdf5_sys::h5i::hid_t;
 use hdf5_sys::h5p::H5P_DEFAULT;
 use hdf5_sys::h5s::{H5S_SELECT_SET, H5Sclose, H5Screate_simple, H5Sselect_hyperslab};
@@ -21,6 +21,10 @@ use hdf5_sys::h5t::{
     H5Tget_member_type, H5Tget_nmembers, H5Tget_offset, H5Tget_order, H5Tget_precision,
     H5Tget_sign, H5Tget_size, H5Tget_super, H5Tis_variable_str,
 };
+
+mod blocks;
+
+pub(crate) use blocks::{read_slab, write_attribute, write_records};
 
 /// Nesting beyond which a type is called `Other`.
 const MAX_TYPE_DEPTH: usize = 8;
@@ -370,120 +374,6 @@ pub(crate) fn read_records(
     }
 }
 
-/// Reads a block of a dataset of any number of dimensions, bytes as stored.
-///
-/// # Errors
-/// HDF5's own, or a short text when the buffer, the shape or the type does not fit.
-pub(crate) fn read_slab(
-    dataset: &Dataset,
-    start: &[u64],
-    count: &[u64],
-    buffer: &mut [u8],
-) -> hdf5::Result<()> {
-    let dtype = dataset.dtype()?;
-    let shape = dataset.shape();
-    let inside = |((start, count), size): ((&u64, &u64), &usize)| {
-        start
-            .checked_add(*count)
-            .is_some_and(|end| end <= *size as u64)
-    };
-    let fits = start.len() == shape.len()
-        && count.len() == shape.len()
-        && !shape.is_empty()
-        && start.iter().zip(count).zip(&shape).all(inside);
-    let elements = count.iter().try_fold(1_u64, |n, c| n.checked_mul(*c));
-    let bytes = elements.and_then(|n| n.checked_mul(dtype.size() as u64));
-    if !fits || bytes != Some(buffer.len() as u64) {
-        return Err("block outside the dataset".into());
-    }
-    if holds_pointers(dtype.id()) {
-        return Err("numbers with variable-length members".into());
-    }
-    if buffer.is_empty() {
-        return Ok(());
-    }
-    let space = dataset.space()?;
-    let length = elements.unwrap_or(0);
-    let read = sync(|| {
-        // SAFETY: the file space is a private copy of the rank of `start` and `count`, the block
-        // lies inside it, and the buffer holds its elements in the type that is passed as memory
-        // type. The type has no pointers, so each byte of the buffer is plain data.
-        unsafe {
-            let (first, size) = (start.as_ptr(), count.as_ptr());
-            if H5Sselect_hyperslab(space.id(), H5S_SELECT_SET, first, null(), size, null()) < 0 {
-                return -1;
-            }
-            let memory = SpaceId(H5Screate_simple(1, &length, null()));
-            if memory.0 < 0 {
-                return -1;
-            }
-            let target = buffer.as_mut_ptr().cast::<c_void>();
-            H5Dread(
-                dataset.id(),
-                dtype.id(),
-                memory.0,
-                space.id(),
-                H5P_DEFAULT,
-                target,
-            )
-        }
-    });
-    if read < 0 {
-        Err(hdf5::Error::query()?)
-    } else {
-        Ok(())
-    }
-}
-
-/// Writes `count` records from row `start` of a one-dimensional dataset of plain records.
-///
-/// # Errors
-/// HDF5's own, or a short text when the buffer, the shape or the type does not fit.
-pub(crate) fn write_records(
-    dataset: &Dataset,
-    start: u64,
-    count: usize,
-    bytes: &[u8],
-) -> hdf5::Result<()> {
-    let dtype = dataset.dtype()?;
-    let shape = dataset.shape();
-    let end = start.checked_add(count as u64);
-    let fits = shape.len() == 1 && end.is_some_and(|end| end <= shape[0] as u64);
-    if !fits || count.checked_mul(dtype.size()) != Some(bytes.len()) || holds_pointers(dtype.id()) {
-        return Err("block outside the dataset".into());
-    }
-    let space = dataset.space()?;
-    let length = count as u64;
-    let written = sync(|| {
-        // SAFETY: as in `read_records`: the block lies inside the dataset, and the bytes are `count`
-        // records of the type that is passed as memory type, which has no pointers.
-        unsafe {
-            if H5Sselect_hyperslab(space.id(), H5S_SELECT_SET, &start, null(), &length, null()) < 0
-            {
-                return -1;
-            }
-            let memory = SpaceId(H5Screate_simple(1, &length, null()));
-            if memory.0 < 0 {
-                return -1;
-            }
-            let from = bytes.as_ptr().cast::<c_void>();
-            H5Dwrite(
-                dataset.id(),
-                dtype.id(),
-                memory.0,
-                space.id(),
-                H5P_DEFAULT,
-                from,
-            )
-        }
-    });
-    if written < 0 {
-        Err(hdf5::Error::query()?)
-    } else {
-        Ok(())
-    }
-}
-
 /// Reads an attribute's value, bytes as stored; at most `limit` bytes.
 ///
 /// # Errors
@@ -513,24 +403,4 @@ pub(crate) fn read_attribute(attribute: &Attribute, limit: usize) -> hdf5::Resul
         }
     }
     Ok(buffer)
-}
-
-/// Writes the value of an attribute of a plain type, bytes as stored.
-///
-/// # Errors
-/// HDF5's own, or a short text when the bytes do not fit.
-pub(crate) fn write_attribute(attribute: &Attribute, bytes: &[u8]) -> hdf5::Result<()> {
-    let dtype = attribute.dtype()?;
-    let fits = attribute.size().checked_mul(dtype.size()) == Some(bytes.len());
-    if !fits || holds_pointers(dtype.id()) {
-        return Err("value of another size".into());
-    }
-    // SAFETY: the bytes are all elements of the attribute in the type that is passed as memory
-    // type, which has no pointers.
-    let written = sync(|| unsafe { H5Awrite(attribute.id(), dtype.id(), bytes.as_ptr().cast()) });
-    if written < 0 {
-        Err(hdf5::Error::query()?)
-    } else {
-        Ok(())
-    }
 }

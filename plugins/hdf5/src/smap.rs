@@ -45,13 +45,7 @@ pub(crate) fn inspect(opened: &Opened) -> Result<FileInfo, Failure> {
             skipped.push(name);
             continue;
         }
-        let place = Place::Dataset {
-            name: name.clone(),
-            axis,
-            lead: Vec::new(),
-            width: 1,
-        };
-        fields.push((array.leaf(&name, 0), place));
+        fields.push((array.leaf(&name, 0), Place::list(&name, axis)));
     }
     let there = |name: &str| fields.iter().any(|(leaf, _)| leaf.name == name);
     if !there("xnm") && !there("x") || !there("frame") {
@@ -65,10 +59,11 @@ pub(crate) fn inspect(opened: &Opened) -> Result<FileInfo, Failure> {
         ));
     }
     let precision = there("locprecnm");
-    let mut notes = Vec::new();
-    if !skipped.is_empty() {
-        notes.push(format!("Not read from {GROUP}: {}.", skipped.join(", ")));
-    }
+    let unread = format!("Not read from {GROUP}: {}.", skipped.join(", "));
+    let notes = (!skipped.is_empty())
+        .then_some(unread)
+        .into_iter()
+        .collect();
     let segment = Segment {
         group: format!("{GROUP}/"),
         rows: rows.unwrap_or(0),

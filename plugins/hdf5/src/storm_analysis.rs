@@ -76,6 +76,19 @@ pub(crate) fn inspect(opened: &Opened, members: &[String]) -> Result<FileInfo, F
     let table = arrays::table("localisations", "localisations", segments, fields, |leaf| {
         vec![meaning(leaf)]
     });
+    let (pixel, camera) = camera(opened);
+    Ok(FileInfo {
+        format: Format::StormAnalysis,
+        tables: vec![table],
+        metadata: json!({ "source_format": "storm-analysis", "camera": camera }),
+        notes,
+        pixel,
+        frame_base: 0,
+    })
+}
+
+/// The pixel size in nm, and what the file says of the camera.
+fn camera(opened: &Opened) -> (Option<f64>, Map<String, Value>) {
     let root = |name: &str| attribute(&opened.file, name).ok().map(|(value, _)| value);
     let pixel = root("pixel_size")
         .and_then(|v| v.as_f64())
@@ -92,14 +105,7 @@ pub(crate) fn inspect(opened: &Opened, members: &[String]) -> Result<FileInfo, F
             camera.insert(key.to_owned(), value);
         }
     }
-    Ok(FileInfo {
-        format: Format::StormAnalysis,
-        tables: vec![table],
-        metadata: json!({ "source_format": "storm-analysis", "camera": camera }),
-        notes,
-        pixel,
-        frame_base: 0,
-    })
+    (pixel, camera)
 }
 
 /// The fields of the first frame that has localisations.
@@ -116,13 +122,7 @@ fn fields(
             notes.push(format!("Not read from this file: {at}."));
             continue;
         };
-        let place = Place::Dataset {
-            name: name.clone(),
-            axis: 0,
-            lead: Vec::new(),
-            width: 1,
-        };
-        fields.push((array.leaf(&name, 0), place));
+        fields.push((array.leaf(&name, 0), Place::list(&name, 0)));
     }
     Ok(fields)
 }

@@ -239,6 +239,34 @@ pub(crate) fn ome(text: &str) -> Option<Calibration> {
     })
 }
 
+/// Text inside XML.
+fn escaped(text: &str) -> String {
+    let text = text
+        .replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('>', "&gt;");
+    text.replace('"', "&quot;")
+}
+
+/// The attributes for the size of a voxel and the time between frames.
+fn sizes(info: &ImageInfo) -> String {
+    let mut out = String::new();
+    for (axis, size) in ["Z", "Y", "X"].iter().zip(info.voxel) {
+        if size > 0.0 {
+            out.push_str(&format!(
+                " PhysicalSize{axis}=\"{size}\" PhysicalSize{axis}Unit=\"nm\""
+            ));
+        }
+    }
+    if info.frame_time > 0.0 {
+        let time = info.frame_time;
+        out.push_str(&format!(
+            " TimeIncrement=\"{time}\" TimeIncrementUnit=\"s\""
+        ));
+    }
+    out
+}
+
 /// OME-XML for an image whose planes lie channel fastest, then z, then t.
 pub(crate) fn ome_text(
     info: &ImageInfo,
@@ -247,13 +275,6 @@ pub(crate) fn ome_text(
     comment: Option<&str>,
 ) -> String {
     let [t, c, z, y, x] = info.size;
-    let escaped = |text: &str| {
-        let text = text
-            .replace('&', "&amp;")
-            .replace('<', "&lt;")
-            .replace('>', "&gt;");
-        text.replace('"', "&quot;")
-    };
     let mut out = "<?xml version=\"1.0\" encoding=\"UTF-8\"?><OME \
          xmlns=\"http://www.openmicroscopy.org/Schemas/OME/2016-06\" Creator=\"Puncta\"><Image \
          ID=\"Image:0\">"
@@ -270,19 +291,7 @@ pub(crate) fn ome_text(
          SizeY=\"{y}\" SizeZ=\"{z}\" SizeC=\"{c}\" SizeT=\"{t}\" BigEndian=\"{}\"",
         cfg!(target_endian = "big")
     ));
-    for (axis, size) in ["Z", "Y", "X"].iter().zip(info.voxel) {
-        if size > 0.0 {
-            out.push_str(&format!(
-                " PhysicalSize{axis}=\"{size}\" PhysicalSize{axis}Unit=\"nm\""
-            ));
-        }
-    }
-    if info.frame_time > 0.0 {
-        let time = info.frame_time;
-        out.push_str(&format!(
-            " TimeIncrement=\"{time}\" TimeIncrementUnit=\"s\""
-        ));
-    }
+    out.push_str(&sizes(info));
     out.push('>');
     for channel in 0..c {
         let name = usize::try_from(channel)

@@ -1,6 +1,8 @@
 //! Image files: TIFF of ImageJ and OME both ways, NumPy arrays, and PNG with a colour map.
 
 mod calibration;
+#[cfg(test)]
+mod expected_tests;
 mod imagej;
 mod levels;
 mod limits;

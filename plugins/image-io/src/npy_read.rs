@@ -76,6 +76,24 @@ fn open(path: &Path, name: &str) -> Result<(File, Npy), Failure> {
     Ok((file, npy))
 }
 
+/// The type of numbers that NumPy calls so.
+fn number(kind: &str) -> Option<Stored> {
+    Some(match kind {
+        "u1" | "b1" => Stored::U8,
+        "i1" => Stored::I8,
+        "u2" => Stored::U16,
+        "i2" => Stored::I16,
+        "u4" => Stored::U32,
+        "i4" => Stored::I32,
+        "u8" => Stored::U64,
+        "i8" => Stored::I64,
+        "f2" => Stored::F16,
+        "f4" => Stored::F32,
+        "f8" => Stored::F64,
+        _ => return None,
+    })
+}
+
 /// Reads the head: the magic, the version, and a Python dictionary of three plain values.
 fn parse(head: &[u8], name: &str) -> Result<Npy, Failure> {
     let foreign = |what: &str| {
@@ -108,20 +126,9 @@ fn parse(head: &[u8], name: &str) -> Result<Npy, Failure> {
     };
     let descr = descr.split('\'').next().unwrap_or_default();
     let (order, kind) = descr.split_at_checked(1).ok_or_else(damaged)?;
-    let stored = match kind {
-        "u1" | "b1" => Stored::U8,
-        "i1" => Stored::I8,
-        "u2" => Stored::U16,
-        "i2" => Stored::I16,
-        "u4" => Stored::U32,
-        "i4" => Stored::I32,
-        "u8" => Stored::U64,
-        "i8" => Stored::I64,
-        "f2" => Stored::F16,
-        "f4" => Stored::F32,
-        "f8" => Stored::F64,
-        _ => return Err(foreign(&format!("its numbers are of the type {descr:?}"))),
-    };
+    let stored = number(kind);
+    let stored =
+        stored.ok_or_else(|| foreign(&format!("its numbers are of the type {descr:?}")))?;
     let shape = value("'shape'").and_then(|v| v.strip_prefix('(')?.split(')').next());
     let shape: Option<Vec<u64>> = shape
         .ok_or_else(damaged)?

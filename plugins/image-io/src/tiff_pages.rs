@@ -84,6 +84,24 @@ struct Page {
     stored: Stored,
 }
 
+/// The type of numbers of a sample format with so many bits.
+fn number(format: u16, bits: u8) -> Option<Stored> {
+    Some(match (format, bits) {
+        (1 | 4, 8) => Stored::U8,
+        (1 | 4, 16) => Stored::U16,
+        (1 | 4, 32) => Stored::U32,
+        (1 | 4, 64) => Stored::U64,
+        (2, 8) => Stored::I8,
+        (2, 16) => Stored::I16,
+        (2, 32) => Stored::I32,
+        (2, 64) => Stored::I64,
+        (3, 16) => Stored::F16,
+        (3, 32) => Stored::F32,
+        (3, 64) => Stored::F64,
+        _ => return None,
+    })
+}
+
 fn page(decoder: &mut Open, name: &str, at: u64) -> Result<Option<Page>, Failure> {
     let failed = |e| failure(e, name, Some(at));
     let (width, height) = decoder.dimensions().map_err(failed)?;
@@ -123,24 +141,9 @@ fn page(decoder: &mut Open, name: &str, at: u64) -> Result<Option<Page>, Failure
         .unwrap_or(None);
     let format = formats.and_then(|f| f.first().copied()).unwrap_or(1);
     let bits = colour.bit_depth();
-    let stored = match (format, bits) {
-        (1 | 4, 8) => Stored::U8,
-        (1 | 4, 16) => Stored::U16,
-        (1 | 4, 32) => Stored::U32,
-        (1 | 4, 64) => Stored::U64,
-        (2, 8) => Stored::I8,
-        (2, 16) => Stored::I16,
-        (2, 32) => Stored::I32,
-        (2, 64) => Stored::I64,
-        (3, 16) => Stored::F16,
-        (3, 32) => Stored::F32,
-        (3, 64) => Stored::F64,
-        _ => {
-            return Err(unsupported(format!(
-                "numbers of {bits} bits, format {format}"
-            )));
-        }
-    };
+    let stored = number(format, bits);
+    let stored =
+        stored.ok_or_else(|| unsupported(format!("numbers of {bits} bits, format {format}")))?;
     Ok(Some(Page {
         width: width.into(),
         height: height.into(),
@@ -164,39 +167,9 @@ pub(crate) fn look(
         .get_tag_ascii_string(Tag::ImageDescription)
         .unwrap_or_default();
     let mut said = calibration::imagej(&description).or_else(|| calibration::ome(&description));
-    let format = match &said {
-        Some(said) if said.contiguous => "ImageJ TIFF",
-        Some(_) => "OME-TIFF",
-        None => "TIFF",
-    };
+    let format = format(said.as_ref());
     let lateral = lateral(decoder, said.as_ref());
-    let mut found = Vec::new();
-    let mut first: Option<Page> = None;
-    let (mut others, mut at) = (0_u64, 0_u64);
-    loop {
-        if let Some(page) = page(decoder, name, at)? {
-            match first.get_or_insert(page) {
-                same if *same == page => found.push(at),
-                _ => others += 1,
-            }
-        }
-        at += 1;
-        if !decoder.more_images() || at >= MOST_PAGES {
-            break;
-        }
-        decoder
-            .next_image()
-            .map_err(|e| failure(e, name, Some(at)))?;
-    }
-    let Some(first) = first else {
-        return Err(Failure::bad_file(format!("{name} holds no image")));
-    };
-    if others > 0 {
-        notes.push(format!(
-            "{others} of {} pages of {name} have another size or type and are left out.",
-            others + found.len() as u64
-        ));
-    }
+    let (first, found) = walk(decoder, name, notes)?;
     let run = behind_each_other(
         decoder,
         &first,
@@ -209,21 +182,8 @@ pub(crate) fn look(
         (Some(_), Some(said)) => said.planes.iter().product(),
         _ => found.len() as u64,
     };
-    if let Some(one) = &said
-        && let planes = one.planes.iter().try_fold(1_u64, |n, p| n.checked_mul(*p))
-        && planes != Some(count)
-        // OME counts the samples of a pixel among the channels.
-        && (one.contiguous || planes != Some(count * first.samples))
-    {
-        notes.push(format!(
-            "{name} announces {:?} planes along t, c and z but holds {count} pages; they are taken as \
-             they come.",
-            one.planes
-        ));
-        if let Some(said) = said.as_mut() {
-            said.planes = [1, 1, count];
-            said.order = "ZCT".to_owned();
-        }
+    if let Some(said) = said.as_mut() {
+        check_planes(said, count, first.samples, name, notes);
     }
     if said.is_none() && count > 1 && !options.says_planes() {
         notes.push(format!(
@@ -253,6 +213,72 @@ pub(crate) fn look(
         description,
         format,
     })
+}
+
+fn format(said: Option<&Calibration>) -> &'static str {
+    match said {
+        Some(said) if said.contiguous => "ImageJ TIFF",
+        Some(_) => "OME-TIFF",
+        None => "TIFF",
+    }
+}
+
+/// The first page, and the places of all pages like it.
+fn walk(
+    decoder: &mut Open,
+    name: &str,
+    notes: &mut Vec<String>,
+) -> Result<(Page, Vec<u64>), Failure> {
+    let mut found = Vec::new();
+    let mut first: Option<Page> = None;
+    let (mut others, mut at) = (0_u64, 0_u64);
+    loop {
+        if let Some(page) = page(decoder, name, at)? {
+            match first.get_or_insert(page) {
+                same if *same == page => found.push(at),
+                _ => others += 1,
+            }
+        }
+        at += 1;
+        if !decoder.more_images() || at >= MOST_PAGES {
+            break;
+        }
+        decoder
+            .next_image()
+            .map_err(|e| failure(e, name, Some(at)))?;
+    }
+    let Some(first) = first else {
+        return Err(Failure::bad_file(format!("{name} holds no image")));
+    };
+    if others > 0 {
+        notes.push(format!(
+            "{others} of {} pages of {name} have another size or type and are left out.",
+            others + found.len() as u64
+        ));
+    }
+    Ok((first, found))
+}
+
+/// Takes the pages as they come where their number is not the announced one.
+fn check_planes(
+    said: &mut Calibration,
+    count: u64,
+    samples: u64,
+    name: &str,
+    notes: &mut Vec<String>,
+) {
+    let planes = said.planes.iter().try_fold(1_u64, |n, p| n.checked_mul(*p));
+    // OME counts the samples of a pixel among the channels.
+    if planes == Some(count) || !said.contiguous && planes == Some(count * samples) {
+        return;
+    }
+    notes.push(format!(
+        "{name} announces {:?} planes along t, c and z but holds {count} pages; they are taken as they \
+         come.",
+        said.planes
+    ));
+    said.planes = [1, 1, count];
+    said.order = "ZCT".to_owned();
 }
 
 /// Side of a pixel along y and x in nm, by the tags of the resolution.

@@ -1,9 +1,13 @@
 //! What DECODE's csv says of its unit in the JSON lines above the header.
 
+use crate::flavours::Flavour;
 use puncta_sdk::serde_json::{self, Value};
 
 /// The unit of x and y, and the camera pixel along x and y in nm.
-pub fn lateral(comments: &[String]) -> (Option<String>, Option<[f64; 2]>) {
+pub fn lateral(flavour: Flavour, comments: &[String]) -> (Option<String>, Option<[f64; 2]>) {
+    if flavour != Flavour::Decode {
+        return (None, None);
+    }
     let mut unit = None;
     let mut pixel = None;
     for comment in comments.iter().filter(|c| c.starts_with('{')) {
@@ -32,7 +36,10 @@ mod tests {
     #[test]
     fn the_json_says_unit_and_pixel() {
         let lines = |text: &str| vec!["DECODE EmitterSet".to_owned(), text.to_owned()];
-        let (unit, pixel) = lateral(&lines(r#"{"xy_unit": "px", "px_size": [127.0, 117.0]}"#));
+        let (unit, pixel) = lateral(
+            Flavour::Decode,
+            &lines(r#"{"xy_unit": "px", "px_size": [127.0, 117.0]}"#),
+        );
         assert_eq!((unit.as_deref(), pixel), (Some("px"), Some([127.0, 117.0])));
         for odd in [
             r#"{"xy_unit": null, "px_size": [0, 1]}"#,
@@ -40,7 +47,7 @@ mod tests {
             "[[[",
             "{}",
         ] {
-            assert_eq!(lateral(&lines(odd)), (None, None), "{odd}");
+            assert_eq!(lateral(Flavour::Decode, &lines(odd)), (None, None), "{odd}");
         }
     }
 }

@@ -3,16 +3,16 @@
 use crate::decode;
 use crate::dialect::Dialect;
 use crate::encoding::{self, Encoding};
-use crate::flavours::{Flavour, recognise};
-use crate::headerless;
+use crate::flavours::Flavour;
 use crate::number::{self, Number};
 use crate::options::{Delimiter, Options};
-use crate::rapidstorm;
 use crate::record::{self, Line};
 use crate::schema::Kind;
 use crate::wording::{count, quoted};
 use puncta_sdk::{Failure, FailureCode};
 use puncta_shared_import::Columns;
+
+mod kind;
 
 /// How much of the start of a file is looked at.
 pub const HEAD: usize = 256 << 10;
@@ -136,65 +136,44 @@ impl<'a> Head<'a> {
     }
 
     fn dialect(&self) -> Result<Dialect, Failure> {
-        let Names {
-            names,
-            delimiter,
-            is_data,
-            from_hash,
-        } = match self.rapidstorm()? {
+        let found = match self.rapidstorm()? {
             Some(names) => names,
             None => self.names()?,
         };
-        let (names, trailing) = self.without_trailing(names, delimiter, is_data);
+        let (delimiter, is_data, from_hash) = (found.delimiter, found.is_data, found.from_hash);
+        let (names, trailing) = self.without_trailing(found.names, delimiter, is_data);
         let nameless = names.is_empty();
         let (mut names, listed) = self.listed(names, delimiter)?;
         if !listed {
             self.check_names(&names, delimiter)?;
         }
-        let text = |c: &&[u8]| encoding::text(without_mark(c)).trim().to_owned();
-        let mut comments: Vec<String> = self.comments.iter().map(text).collect();
-        if from_hash && !listed {
-            comments.pop();
-        }
-        let mut types = comments
-            .iter()
-            .find_map(|c| Kind::list(c))
-            .unwrap_or_default();
-        let named = self.flavour(&names, &comments, from_hash);
-        let (flavour, assumed) = if types.len() == names.len() {
-            (Flavour::Typed, false)
-        } else {
-            types.clear();
-            match named {
-                Flavour::Auto | Flavour::Malk if nameless && !listed => {
-                    self.guess(named, delimiter)
-                }
-                named => (named, false),
-            }
+        let comments = self.comments(from_hash && !listed);
+        let types = comments.iter().find_map(|c| Kind::list(c));
+        let types = types.filter(|types| types.len() == names.len());
+        let (flavour, assumed) = match &types {
+            Some(_) => (Flavour::Typed, false),
+            None => self.kind(
+                &names,
+                &comments,
+                (from_hash, nameless && !listed),
+                delimiter,
+            ),
         };
-        let positions = match nameless && !listed {
-            true => flavour.positions(names.len(), self.file),
-            false => None,
-        };
+        let bare = nameless && !listed;
+        let positions = flavour.positions(names.len(), self.file).filter(|_| bare);
         let above = match flavour {
             Flavour::Trackmate if !is_data => self.units_below(&mut names, delimiter),
             _ => 0,
         };
-        let data = if is_data {
-            Some(&self.first)
-        } else {
-            self.rest.get(above)
-        };
-        let (lateral_unit, pixel) = match flavour {
-            Flavour::Decode => decode::lateral(&comments),
-            _ => (None, None),
-        };
+        let below = self.rest.get(above);
+        let data = if is_data { Some(&self.first) } else { below };
+        let (lateral_unit, pixel) = decode::lateral(flavour, &comments);
         Ok(Dialect {
             file: self.file.to_owned(),
             flavour,
             positions,
             assumed,
-            nameless: nameless && !listed,
+            nameless: bare,
             pixel,
             lateral_unit,
             encoding: Encoding::Bytes,
@@ -207,69 +186,8 @@ impl<'a> Head<'a> {
             data_start: data.map_or(self.first.next, |l| l.start) as u64,
             data_line: data.map_or(self.first.number + 1, |l| l.number),
             trailing,
-            types,
+            types: types.unwrap_or_default(),
         })
-    }
-
-    /// The kind by the person's word, or by names and comments.
-    fn flavour(&self, names: &[String], comments: &[String], from_hash: bool) -> Flavour {
-        let rapid = |c: &String| c.as_bytes().starts_with(rapidstorm::START);
-        match self.options.dialect {
-            _ if comments.iter().any(rapid) => Flavour::Rapidstorm,
-            Flavour::Auto => recognise(names, comments, from_hash),
-            said => said,
-        }
-    }
-
-    /// The kind of a table without names, and whether only its values say so.
-    fn guess(&self, named: Flavour, delimiter: Delimiter) -> (Flavour, bool) {
-        let number = |f: &record::Field<'_>| -> f64 {
-            let text = std::str::from_utf8(&f.text).ok();
-            text.and_then(|t| t.parse().ok()).unwrap_or(f64::NAN)
-        };
-        let row = |l: &Line<'_>| -> Vec<f64> {
-            record::split(l.text, delimiter)
-                .iter()
-                .map(number)
-                .collect()
-        };
-        let lines = std::iter::once(&self.first).chain(&self.rest);
-        let rows: Vec<Vec<f64>> = lines.map(row).collect();
-        let found = headerless::guess(named, self.file, &rows);
-        (found.flavour, found.assumed)
-    }
-
-    /// The names in the XML line of rapidSTORM.
-    fn rapidstorm(&self) -> Result<Option<Names>, Failure> {
-        let mut lines = self.comments.iter().map(|c| without_mark(c));
-        let Some(line) = lines.find(|c| c.starts_with(rapidstorm::START)) else {
-            return Ok(None);
-        };
-        Ok(Some(Names {
-            names: rapidstorm::fields(line, self.file)?.names(),
-            delimiter: Delimiter::Blanks,
-            is_data: true,
-            from_hash: false,
-        }))
-    }
-
-    /// Takes units such as `(micron)` from the lines below the names; how many lines there are.
-    fn units_below(&self, names: &mut [String], delimiter: Delimiter) -> usize {
-        let words = |l: &&Line<'_>| !has_number(l, delimiter);
-        let above: Vec<&Line<'_>> = self.rest.iter().take(3).take_while(words).collect();
-        for line in &above {
-            for (name, field) in names.iter_mut().zip(record::split(line.text, delimiter)) {
-                let text = encoding::text(&field.text);
-                let unit = text
-                    .trim()
-                    .strip_prefix('(')
-                    .and_then(|t| t.strip_suffix(')'));
-                if let Some(unit) = unit.filter(|_| !name.ends_with(']')) {
-                    name.push_str(&format!(" [{unit}]"));
-                }
-            }
-        }
-        above.len()
     }
 
     /// The names in the header, or in the last comment; none where there are none.

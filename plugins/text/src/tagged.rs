@@ -74,18 +74,12 @@ pub fn plain(text: &[u8], file: &str) -> Result<Vec<u8>, Failure> {
                 .collect();
             header(&mut out, &names, units);
         }
-        let mut row: Vec<&[u8]> = vec![b""; names.len()];
-        for (name, value) in tags {
-            match places.get(name).and_then(|at| row.get_mut(*at)) {
-                Some(place) => *place = value,
-                None => {
-                    let name = quoted(name);
-                    return Err(damaged(format!(
-                        "{file}: the spot has {name}, which the first spot has not"
-                    )));
-                }
-            }
-        }
+        let row = row(&tags, &places, names.len()).map_err(|name| {
+            let name = quoted(name);
+            damaged(format!(
+                "{file}: the spot has {name}, which the first spot has not"
+            ))
+        })?;
         out.extend_from_slice(&row.join(&b'\t'));
         out.push(b'\n');
     }
@@ -95,6 +89,20 @@ pub fn plain(text: &[u8], file: &str) -> Result<Vec<u8>, Failure> {
         )));
     }
     Ok(out)
+}
+
+/// The values of a spot in the order of the columns, or the name that has none.
+fn row<'a>(
+    tags: &[(&'a [u8], &'a [u8])],
+    places: &BTreeMap<&[u8], usize>,
+    count: usize,
+) -> Result<Vec<&'a [u8]>, &'a [u8]> {
+    let mut row: Vec<&[u8]> = vec![b""; count];
+    for (name, value) in tags {
+        let place = places.get(name).and_then(|at| row.get_mut(*at));
+        *place.ok_or(*name)? = value;
+    }
+    Ok(row)
 }
 
 fn header(out: &mut Vec<u8>, names: &[&[u8]], units: Option<&[u8]>) {

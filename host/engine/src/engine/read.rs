@@ -89,17 +89,7 @@ impl Engine {
                 continue;
             }
             match self.prepare(&invoke(operation), progress) {
-                Ok(call) => {
-                    let probe = call.plan().probe.clone();
-                    able.push(Able {
-                        id: operation.id.clone(),
-                        format: probe
-                            .as_ref()
-                            .map_or_else(String::new, |p| p.format.clone()),
-                        confidence: probe.map_or(0.0, |p| p.confidence),
-                        call,
-                    });
-                }
+                Ok(call) => able.push(able_to(operation, call)),
                 Err(failure) if failure.code == FailureCode::NotMine => {
                     refused.get_or_insert(failure);
                 }
@@ -173,6 +163,18 @@ impl Engine {
                 .remedy("puncta ops lists the readers; install a plugin that reads it"));
         }
         Ok(fitting)
+    }
+}
+
+/// A reader that did not refuse, with what it said of the file.
+fn able_to(operation: &Operation, call: PreparedCall) -> Able<PreparedCall> {
+    let probe = call.plan().probe.clone();
+    let (format, confidence) = probe.map_or((String::new(), 0.0), |p| (p.format, p.confidence));
+    Able {
+        id: operation.id.clone(),
+        format,
+        confidence,
+        call,
     }
 }
 
