@@ -222,14 +222,12 @@ fn planned(found: &Found, placed: Placed, silent: bool) -> Planned {
             (planned.factor, planned.minus) = (1.0, 0.0);
         }
         _ if matches!(found.how, How::Text | How::Dictionary) => planned.info.role = None,
-        _ if list => {
+        _ if list && converts => {
             // Lists keep their numbers, and with them their unit.
-            if converts {
-                let unit = found.raw.named.unit.as_ref();
-                let plain = unit.filter(|unit| !unit.converts() && !unit.is_pixel());
-                planned.info.unit =
-                    plain.map_or_else(|| names::UNKNOWN.into(), |unit| unit.name.clone());
-            }
+            let unit = found.raw.named.unit.as_ref();
+            let plain = unit.filter(|unit| !unit.converts() && !unit.is_pixel());
+            planned.info.unit =
+                plain.map_or_else(|| names::UNKNOWN.into(), |unit| unit.name.clone());
         }
         _ if converts && found.how == How::Same => {
             (planned.info.type_.element, planned.how) = (Element::F64, How::Number);
