@@ -145,7 +145,9 @@ fn items(text: &str) -> Vec<Item> {
     let mut found: Vec<Item> = Vec::new();
     let mut said: Vec<&str> = Vec::new();
     let mut ended = false;
+    let mut in_trait = false;
     for line in code.lines() {
+        in_trait = line.starts_with("pub trait") || (in_trait && line != "}");
         let bare = line.trim_start();
         let indent = line.len() - bare.len();
         if let Some(doc) = bare.strip_prefix("///") {
@@ -158,7 +160,8 @@ fn items(text: &str) -> Vec<Item> {
         }
         let open = bare.starts_with("#[") || bare.starts_with("pub(") || bare.is_empty();
         let public = bare.strip_prefix("pub ");
-        // Variants and methods of traits are public without the word.
+        // Methods of traits are public without the word.
+        let public = public.or((in_trait && bare.starts_with("fn ")).then_some(bare));
         let kind = public.filter(|rest| {
             let word = rest.split([' ', '(']).next().unwrap_or("");
             matches!(word, "fn" | "struct" | "enum" | "trait" | "const" | "type")
