@@ -124,11 +124,9 @@ fn projects_in_rust_build_without_their_bundle() {
         valid(&bundle, &project.library(&name.replace('-', "_")));
     }
     let code = fs::read_to_string(place.path().join("new-operation/src/lib.rs")).unwrap();
-    assert!(
-        code.lines().count() <= 40,
-        "an author writes {} lines",
-        code.lines().count()
-    );
+    let written = code.lines().map(str::trim);
+    let written = written.filter(|line| !line.is_empty() && !line.starts_with("//"));
+    assert!(written.count() <= 40, "an author writes more than 40 lines");
 }
 
 #[test]

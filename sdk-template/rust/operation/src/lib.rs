@@ -30,7 +30,8 @@ impl Operation for Distance {
     fn run(&self, job: &Job) -> Result<(), Failure> {
         let table = job.input("table")?;
         let (x, y) = (table.f64("x")?, table.f64("y")?);
-        let mut out = job.add_columns("table", [ColumnInfo::new("distance", Element::F64, "nm")])?;
+        let mut out =
+            job.add_columns("table", [ColumnInfo::new("distance", Element::F64, "nm")])?;
         for (row, distance) in out.f64_mut("distance")?.iter_mut().enumerate() {
             if row % 65_536 == 0 {
                 job.progress(row as f64 / x.len() as f64, "distances")?;

@@ -40,8 +40,14 @@ impl Operation for ReadPoints {
             let message = format!("the file does not begin with {MAGIC}");
             return Err(Failure::new(FailureCode::NotMine, message));
         }
-        let probe = Probe { format: "Points".into(), confidence: 1.0 };
-        Ok(Plan { probe: Some(probe), ..Plan::default() })
+        let probe = Probe {
+            format: "Points".into(),
+            confidence: 1.0,
+        };
+        Ok(Plan {
+            probe: Some(probe),
+            ..Plan::default()
+        })
     }
 
     fn run(&self, job: &Job) -> Result<(), Failure> {

@@ -6,8 +6,12 @@ use puncta_testkit::{Call, Table};
 use std::path::Path;
 
 fn call() -> Call {
-    let table = Table::new("table").f64("x", "nm", &[1.0, 2.5]).f64("y", "nm", &[-1.0, 0.125]);
-    Call::of::<WritePoints>().set("digits", 2).input("table", table)
+    let table = Table::new("table")
+        .f64("x", "nm", &[1.0, 2.5])
+        .f64("y", "nm", &[-1.0, 0.125]);
+    Call::of::<WritePoints>()
+        .set("digits", 2)
+        .input("table", table)
 }
 
 #[test]
@@ -21,6 +25,9 @@ fn points_are_written() {
 
 #[test]
 fn a_folder_that_is_not_there_is_told() {
-    let failure = call().file(Path::new("/no such folder/a.points")).run().unwrap_err();
+    let failure = call()
+        .file(Path::new("/no such folder/a.points"))
+        .run()
+        .unwrap_err();
     assert_eq!(failure.code, FailureCode::Io);
 }
