@@ -41,7 +41,7 @@ pub enum Values {
         /// First value.
         first: usize,
         /// How it is read, once it has been placed.
-        field: Field,
+        field: Box<Field>,
     },
     /// Numbers gathered from small arrays.
     Gathered(Vec<f64>),
@@ -142,7 +142,7 @@ pub fn find(
 /// A vector as a column.
 fn stored(variable: usize, array: &Array, first: usize, raw: Raw) -> Column {
     let info = ColumnInfo::new(&raw.source, array.stored.number.element(), "");
-    let field = Field::new(info, array.stored, 0);
+    let field = Box::new(Field::new(info, array.stored, 0));
     let values = Values::Stored {
         variable,
         array: array.clone(),

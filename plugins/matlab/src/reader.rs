@@ -203,7 +203,7 @@ fn place(values: &Values, placed: &Placed) -> Result<Field, Failure> {
     let Values::Stored { field, .. } = values else {
         return Err(Failure::internal("a column without an array"));
     };
-    let mut field = field.clone();
+    let mut field = Field::clone(field);
     (field.factor, field.shift) = (placed.factor, -placed.minus);
     field.info = placed.info.clone();
     Ok(field)
