@@ -345,7 +345,6 @@ def image(path):
 
 
 IMAGES = [
-    "bstore/Cos7_A647_2_MMStack_Pos0.ome.tif",
     "colicoords/binary_storm.tif",
     "locan/images.tif",
     "python-microscopy/beads1.tif",

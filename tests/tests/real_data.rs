@@ -336,7 +336,7 @@ fn hdf5_of_other_programs() {
 #[test]
 fn images() {
     let compared = compare("images.json", &["puncta_plugin_image_io"], &no_options);
-    all_compared("images.json", compared, 9);
+    all_compared("images.json", compared, 8);
 }
 
 const LISTS: [&str; 14] = [

@@ -11,6 +11,7 @@ fn bundle() -> &'static Bundle {
     static BUNDLE: OnceLock<Bundle> = OnceLock::new();
     BUNDLE.get_or_init(|| {
         Bundle::of(&[
+            "puncta_plugin_arrow_io",
             "puncta_plugin_figure_io",
             "puncta_plugin_filter",
             "puncta_plugin_hdf5",
@@ -69,6 +70,8 @@ in.table = "some"
 "er.png" = "image"
 "some.csv" = "some"
 "some.tsv" = "some"
+"some.hdf" = "some"
+"some.parquet" = "some"
 "photons.svg" = "photons.figure"
 "photons.json" = "photons.report"
 "#;
@@ -97,7 +100,7 @@ fn every_file_is_made_again_in_both_modes_and_with_other_threads() {
             files.push(format!("out/{file}"));
         }
     }
-    assert_eq!(files.len(), 7, "{files:?}");
+    assert_eq!(files.len(), 9, "{files:?}");
     for file in &files {
         for mode in [&["--isolated", "--threads", "1"], &["--threads", "2", "-q"]] {
             let text = good(folder.path(), &[&["replay", file], &mode[..]].concat());

@@ -2,14 +2,13 @@
 
 use std::path::Path;
 
-use hdf5::File;
 use puncta_sdk::Input;
 use puncta_sdk::input::ColumnRef;
 use puncta_sdk::prelude::*;
 use serde_json::{Value, json};
 
 use crate::write_pyme::{plan, warn_left_out};
-use crate::write_records::{Field, Stored, failed, write};
+use crate::write_records::{Field, Stored, create, failed, write};
 
 /// Our name, Picasso's, how it is stored, and whether Picasso counts camera pixels.
 const FIELDS: [(&str, &str, Stored, bool); 11] = [
@@ -165,7 +164,7 @@ impl Operation for WritePicasso {
             fields.push(Field::new(&info.name, values, stored, 1.0));
         }
         warn_left_out(job, &left_out);
-        let file = File::create(path).map_err(|e| failed("the file", &e))?;
+        let file = create(path)?;
         write(&file, "locs", &fields, input.rows(), job)?;
         file.close().map_err(|e| failed("the file", &e))?;
         let [width, height, frames] = self.camera(&input, pixel)?;

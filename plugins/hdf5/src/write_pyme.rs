@@ -7,7 +7,7 @@ use puncta_sdk::documents::call::Read;
 use puncta_sdk::prelude::*;
 use serde_json::{Map, Value, json};
 
-use crate::write_records::{Field, Stored, failed, text, write};
+use crate::write_records::{Field, Stored, create, failed, text, write};
 
 /// Name of the table that PYME's menu writes.
 const TABLE: &str = "Localizations";
@@ -56,7 +56,7 @@ impl Operation for WritePyme {
             }
         }
         warn_left_out(job, &left_out);
-        let file = File::create(path).map_err(|e| failed("the file", &e))?;
+        let file = create(path)?;
         pytables_group(&file, "")?;
         text(&file, "PYTABLES_FORMAT_VERSION", "2.1")?;
         let dataset = write(&file, TABLE, &fields, input.rows(), job)?;

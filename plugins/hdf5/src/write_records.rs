@@ -1,9 +1,12 @@
 //! Records from columns, for datasets that h5py and PyTables read as structured arrays.
 
+use hdf5::plist::file_access::FileAccessBuilder;
 use hdf5::types::{CompoundField, CompoundType, FloatSize, IntSize, TypeDescriptor};
-use hdf5::{Dataset, File, Location};
+use hdf5::{Dataset, File, FileBuilder, Location};
 use puncta_sdk::input::ColumnRef;
 use puncta_sdk::{Failure, Run};
+
+use std::path::Path;
 
 use crate::error::hdf5_reason;
 use crate::raw;
@@ -11,6 +14,14 @@ use crate::raw;
 /// Rows that are written at a time, and rows of a chunk.
 const ROWS: usize = 1 << 16;
 const CHUNK: usize = 1 << 14;
+
+/// A new file. It has the oldest layout that holds what we write, whose groups keep no time: the
+/// same table gives the same bytes at every hour.
+pub(crate) fn create(path: &Path) -> Result<File, Failure> {
+    let mut builder = FileBuilder::new();
+    builder.with_fapl(FileAccessBuilder::libver_earliest);
+    builder.create(path).map_err(|e| failed("the file", &e))
+}
 
 /// How a column is stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

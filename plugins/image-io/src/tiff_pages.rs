@@ -64,7 +64,7 @@ pub(crate) fn failure(error: TiffError, name: &str, page: Option<u64>) -> Failur
         ),
         TiffError::UnsupportedError(e) => {
             Failure::new(FailureCode::Unsupported, format!("{name}{place}: {e}"))
-                .remedy("save it again without compression")
+                .remedy("save it again as grey values, without compression")
         }
         TiffError::LimitsExceeded => {
             let message = format!("{name}{place} is larger than 1 GiB");
