@@ -139,11 +139,20 @@ fn surroundings() -> Vec<(&'static str, String)> {
         ("current folder", folder.unwrap_or_default()),
         ("environment", variables.join("\n")),
         ("mask of new files", line("Umask:")),
-        ("caught signals", line("SigCgt:")),
+        ("caught signals", caught(&line("SigCgt:"))),
         ("ignored signals", line("SigIgn:")),
         ("blocked signals", line("SigBlk:")),
         ("rounding of numbers", format!("{rounding:?}")),
     ]
+}
+
+/// The set of caught signals without the two that the C library takes for itself when it starts
+/// threads.
+fn caught(line: &str) -> String {
+    let set = line.split_whitespace().last().unwrap_or_default();
+    let own: u64 = 0b11 << 31;
+    let set = u64::from_str_radix(set, 16).unwrap_or_default() & !own;
+    format!("{set:x}")
 }
 
 fn process_kept(instance: &Instance, case: &Case<'_>) -> Result<(), String> {
